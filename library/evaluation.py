@@ -17,8 +17,9 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .rendered_pair import RenderedPair, read_response
 
-#: A function from rectified images, uint8 (H, W) each, to disparity in px, (H, W), NaN without a match.
-Matcher = Callable[..., Array]
+#: A function from rectified images, uint8 (H, W) each, to disparity in px, (H, W), NaN without a match, and perhaps its
+#: confidence.
+Matcher = Callable[..., Array | tuple[Array, Array]]
 #: Optional parameters of a matcher function, besides the images.
 _OPTIONAL_ARGUMENTS = ("max_disparity_px", "camera")
 #: Metrics that the text of an evaluation shows, and their digits.
