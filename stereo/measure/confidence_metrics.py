@@ -7,14 +7,14 @@ equal confidence count as in a random order: each has their mean error, so no nu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...support.arrays import Array
-from .metrics import KEPT_SHARES, is_usable, sort_by_confidence
+from .metrics import KEPT_SHARES, is_usable
 from .prepare_pair import none_if_not_finite
 
 #: Measures of confidence: the matcher's own, and those that any matcher may be given, each with its name in a table.
@@ -36,23 +36,28 @@ CALIBRATION_SUMS = ("n", "right", "confidence")
 
 @dataclass(frozen=True)
 class _Ordered:
-    """Errors in px of measurements, the most confident first, and where each group of equal confidence ends."""
+    """Measurements from the surest on: the number of them up to the end of each group of equal confidence, from 0, and
+    the sums of their errors in px and of the bad ones up to there.
 
-    errors: Array
-    ends: Array  # int, the number of measurements up to the end of each group
+    Within a group the sums grow evenly, which is their mean over all random orders of the group.
+    """
+
+    ends: Array
+    errors_px: Array
+    bad: Array
 
     @classmethod
     def sort(cls, errors: Array, confidence: Array) -> _Ordered:
-        order = sort_by_confidence(confidence)
-        sorted_confidence = confidence[order].astype(np.float32)
-        changes = np.flatnonzero(np.diff(sorted_confidence)) + 1
-        return cls(errors[order], np.append(changes, errors.size) if errors.size else changes)
+        values = confidence.astype(np.float32)
+        order = np.argsort(-values)
+        last = np.flatnonzero(np.diff(values[order], append=np.float32(np.inf))) if errors.size else np.zeros(0, int)
+        sorted_errors = errors[order]
+        sums = (np.cumsum(of)[last] for of in (sorted_errors, sorted_errors > BAD_PX))
+        return cls(np.append(0, last + 1), *(np.append(0, each) for each in sums))
 
-    def spread(self, values: Array) -> Array:
-        """The values in this order, with the mean of its group in place of each."""
-        starts = np.concatenate([[0], self.ends[:-1]])
-        sizes = self.ends - starts
-        return np.repeat(np.add.reduceat(values, starts) / sizes, sizes)
+    def sum_errors(self, kept: Array) -> Array:
+        """The sum of the errors of the surest measurements, for numbers of them."""
+        return np.interp(kept, self.ends, self.errors_px)
 
 
 def make_confidence_entries(
@@ -110,54 +115,55 @@ def measure_confidence(
     measured = known & is_usable(disparity)
     errors = np.abs(np.asarray(disparity, np.float64)[measured] - true_disparity[measured])
     true_pixels = int(np.count_nonzero(known))
-    best = np.sort(errors)
+    best_sums = np.cumsum(np.sort(errors))
     found = {}
     for name, confidence in confidences.items():
         values = np.asarray(confidence, np.float64)[measured]
         ordered = _Ordered.sort(errors, values)
         calibration = sum_by_confidence(errors, values)
         found[name] = {
-            "ause": compute_ause(ordered, best),
+            "ause": compute_ause(ordered, best_sums),
             "ece": compute_calibration_error(calibration),
             "coverage_at_bad_2": find_coverage_at(ordered, true_pixels),
             "bad_2_at_90": compute_bad_share_at(ordered, true_pixels),
-            "curve": keep_shares(ordered.spread(ordered.errors)) if errors.size else [],
-            "best": keep_shares(best) if errors.size else [],
+            "curve": keep_shares(ordered.sum_errors, errors.size),
+            "best": keep_shares(lambda kept: best_sums[kept - 1], errors.size),
             "calibration": calibration,
         }
     return found
 
 
-def keep_shares(errors: Array) -> list[float]:
-    """The mean of the first errors, for each of KEPT_SHARES of them; ``errors`` is not empty."""
-    kept = np.array([max(1, round(share * errors.size)) for share in KEPT_SHARES])
-    return list((np.cumsum(errors)[kept - 1] / kept).tolist())
+def keep_shares(sum_errors: Callable[[Array], Array], measured: int) -> list[float]:
+    """The mean error of the first measurements, for each of KEPT_SHARES of them; empty without measurements."""
+    if not measured:
+        return []
+    kept = np.array([max(1, round(share * measured)) for share in KEPT_SHARES])
+    return list((sum_errors(kept) / kept).tolist())
 
 
-def compute_ause(ordered: _Ordered, best: Array) -> float:
-    """The area under the sparsification error, see ``measure_confidence``; NaN without an error above 0."""
-    if not best.size or not best[-1] > 0:
+def compute_ause(ordered: _Ordered, best_sums: Array) -> float:
+    """The area under the sparsification error, see ``measure_confidence``, from the sums of the errors in ascending
+    order; NaN without an error above 0."""
+    if not best_sums.size or not best_sums[-1] > 0:
         return float("nan")
-    count = np.arange(1, best.size + 1)
-    above = np.cumsum(ordered.spread(ordered.errors)) - np.cumsum(best)
-    return max(0.0, float(np.mean(above / count) / best.mean()))  # rounding may leave -1e-16
+    kept = np.arange(1, best_sums.size + 1)
+    above = float(np.mean((ordered.sum_errors(kept) - best_sums) / kept))
+    return max(0.0, above * best_sums.size / float(best_sums[-1]))  # rounding may leave -1e-16
 
 
 def find_coverage_at(ordered: _Ordered, true_pixels: int) -> float:
     """The coverage at the stated error, see ``measure_confidence``; NaN without true pixels."""
     if not true_pixels:
         return float("nan")
-    bad = np.cumsum(ordered.errors > BAD_PX)[ordered.ends - 1] if ordered.errors.size else np.zeros(0)
-    allowed = bad <= MOST_BAD_SHARE * ordered.ends
-    return float(ordered.ends[allowed].max(initial=0)) / true_pixels
+    return float(ordered.ends[ordered.bad <= MOST_BAD_SHARE * ordered.ends].max()) / true_pixels
 
 
 def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:
     """The error at the stated coverage, see ``measure_confidence``; NaN if fewer pixels are measured."""
     kept = round(KEPT_COVERAGE * true_pixels)
-    if not 0 < kept <= ordered.errors.size:
+    if not 0 < kept <= ordered.ends[-1]:
         return float("nan")
-    return float(ordered.spread((ordered.errors > BAD_PX).astype(np.float64))[:kept].mean())
+    return float(np.interp(kept, ordered.ends, ordered.bad)) / kept
 
 
 def sum_by_confidence(errors: Array, confidence: Array) -> dict[str, list[float]]:
