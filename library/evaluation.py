@@ -17,8 +17,9 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .rendered_pair import RenderedPair, read_response
 
-#: A function from rectified images, uint8 (H, W) each, to disparity in px, (H, W), NaN without a match.
-Matcher = Callable[..., Array]
+#: A function from rectified images, uint8 (H, W) each, to disparity in px, (H, W), NaN without a match, and perhaps its
+#: confidence.
+Matcher = Callable[..., Array | tuple[Array, Array]]
 #: Optional parameters of a matcher function, besides the images.
 _OPTIONAL_ARGUMENTS = ("max_disparity_px", "camera")
 #: Metrics that the text of an evaluation shows, and their digits.
@@ -70,6 +71,7 @@ def evaluate(
     out: str | Path,
     *presets: str | Path,
     jobs: int = 1,
+    confidence: Sequence[str] = ("own",),
     **changes: Mapping[str, Any],
 ) -> Evaluation:
     """Develop pairs, match them, and measure the result against the truth.
@@ -80,7 +82,9 @@ def evaluate(
     column minus right column, NaN where it finds none; a parameter called ``max_disparity_px`` gets the largest
     disparity that the rig can see, ``camera`` the rig. ``presets`` and ``changes`` describe another sensor, as for
     ``RenderedPair.develop``. Results in ``out`` of the same pairs, matchers and settings are not computed again;
-    functions of your own run always. ``jobs`` is the number of processes. Raises IcyMoonError for an unknown matcher, a
+    functions of your own run always. ``jobs`` is the number of processes. ``confidence`` are measures of confidence:
+    "own", which some matchers state, "left_right" and "sweep", which run our matchers again. A function of your own may
+    return a tuple of disparity and confidence, (H, W) from 0 to 1. Raises IcyMoonError for an unknown matcher, a
     function that returns something else, and if nothing can be measured.
     """
     from ..stereo.environment import packages
@@ -102,7 +106,15 @@ def evaluate(
         predictions = [
             f"{name}={_predict_all(name, function, folders, response, scratch)}" for name, function in functions.items()
         ]
-        report = evaluate_folders(folders, methods, Path(out).absolute(), response, jobs=jobs, predictions=predictions)
+        report = evaluate_folders(
+            folders,
+            methods,
+            Path(out).absolute(),
+            response,
+            jobs=jobs,
+            predictions=predictions,
+            confidence=confidence,
+        )
     rows = [dict(row) for row in report["rows"]]
     if failed := [row for row in rows if row["status"] == "failed"]:
         raise IcyMoonError(
@@ -158,18 +170,23 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
         seen = find_rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
         given = {"max_disparity_px": seen.most_px if seen else MOST_SEARCHED_PX, "camera": prepared.depth_camera}
         images = prepared.left.copy(), prepared.right.copy()
-        disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))
+        result = function(*images, **{key: given[key] for key in asked})
+        result, confidence = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
+        disparity = np.asarray(result)
         if disparity.shape != prepared.left.shape or disparity.dtype.kind not in "fiu":
             raise IcyMoonError(
                 f"The matcher {name} returns {disparity.dtype} values of shape {disparity.shape}; "
                 f"return disparities in px of shape {prepared.left.shape}, NaN where there is none."
             )
         write_npy(found / f"{prepared.pair.name}.npy", disparity.astype(np.float32))
+        if confidence is not None:
+            write_npy(found / f"{prepared.pair.name}_confidence.npy", np.asarray(confidence))
     return found
 
 
 def _average_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
     """Mean metrics by method, of pairs that passed their self-check; None where no pair has a number."""
+    from ..stereo.measure.confidence_metrics import list_confidence_numbers
     from ..stereo.measure.row_metrics import NUMBERS
 
     found: dict[str, dict[str, float | None]] = {}
@@ -178,5 +195,9 @@ def _average_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, f
         found[method] = {}
         for key in NUMBERS:
             values = [row[key] for row in mine if row.get(key) is not None]
+            found[method][key] = float(np.mean(values)) if values else None
+        stated = [list_confidence_numbers(row) for row in mine]
+        for key in dict.fromkeys(key for numbers in stated for key in numbers):
+            values = [numbers[key] for numbers in stated if numbers.get(key) is not None]
             found[method][key] = float(np.mean(values)) if values else None
     return found

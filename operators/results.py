@@ -400,10 +400,12 @@ def list_methods_with_points(scene: bpy.types.Scene) -> list[str]:
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
-    """``show_images`` for the error images, ``method`` first, and for the depth images if there are any."""
-    errors = find_error_images(context.scene, method)
+    """``show_images`` for the error images, ``method`` first, and for depth and confidence if there are any."""
+    errors, confidences = find_error_images(context.scene, method), _find_files(context.scene, "confidence")
     names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
-    return show_images(context, [*errors, *find_depth_images(context.scene)] if errors else [], open_window, names)
+    names |= {path: f"Confidence of {describe_method(name)}" for name, path in confidences}
+    more = [*find_depth_images(context.scene), *(path for _, path in confidences)]
+    return show_images(context, [*errors, *more] if errors else [], open_window, names)
 
 
 def show_images(

@@ -15,6 +15,7 @@ from ..support.files import hash_file
 from ..support.temporary_folders import open_scratch_folder
 from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
+from .measure.metrics import is_usable
 from .measure.plug_in import MeasuredMap, PluginMetric
 
 #: Size of the trial's images, with odd sides on purpose; the farthest disparity, px; and its growth from row to row,
@@ -59,7 +60,10 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
 
     def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: object) -> Array:
         given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
-        return matcher.compute(left, right, given, None).disparity
+        result = matcher.compute(left, right, given, None)
+        if result.confidence is not None:
+            result.confidence.check(plugin.title, is_usable(result.disparity))
+        return result.disparity
 
     ran, found = check_making("it returns a disparity for each pixel, in float", run)
     yield ran

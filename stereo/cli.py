@@ -14,6 +14,7 @@ from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.number_text import format_count
+from ..support.suggestions import suggest_nearest
 from ..support.terminal import (
     Parser,
     add_json_lines,
@@ -224,10 +225,12 @@ def _run_match(parsed: argparse.Namespace) -> int:
     packages.require_modules("numpy", "cv2")
     from ..render.pairs.pair_folder import read_pair
     from .images.bounded_decoding import decode
+    from .images.disparity_files import encode_confidences
     from .images.image_files import read_png, write_disparity
     from .matchers import match
     from .matchers.methods import parse_key_value
     from .matchers.search_range import FIXED, find_known_ranges
+    from .measure.confidence_metrics import OWN
     from .measure.measure_files import BM_MIN_DISPARITY
 
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
@@ -242,7 +245,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
         find_known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {},
     )
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
-    write_disparity(parsed.out, disparity, info["arrays"], **facts)
+    own = {} if info["confidence"] is None else {OWN: info["confidence"]}
+    write_disparity(parsed.out, disparity, encode_confidences(own) | info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:
         printer.warn(
             f"the rig is unknown, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; give "
@@ -322,6 +326,13 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
     )
     add_maps_option(command)
+    command.add_argument(
+        "--confidence",
+        default="own",
+        metavar="MEASURES",
+        help="how well confidence tells errors: own (what the matcher states), left-right (one more run of each "
+        "matcher), sweep (three more), several with commas, or none (%(default)s)",
+    )
     add_json_lines(command)
     command.add_argument(
         "--follow",
@@ -348,6 +359,21 @@ def _check_maps(parsed: argparse.Namespace) -> None:
         raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
 
 
+def _read_confidence_measures(text: str) -> list[str]:
+    """The measures of ``--confidence``, in the order of a table. Raises IcyMoonError for another word."""
+    from .measure.confidence_metrics import MEASURES
+
+    words = {name.replace("_", "-"): name for name in MEASURES}
+    stated = [word.strip() for word in text.split(",")]
+    if stated == ["none"]:
+        return []
+    if "none" in stated:
+        raise IcyMoonError(f"--confidence {text}: none stands alone; leave it out, or give nothing else.")
+    if unknown := [word for word in stated if word not in words]:
+        raise IcyMoonError(f"--confidence {unknown[0]}: {suggest_nearest(unknown[0], (*words, 'none'))}")
+    return [name for word, name in words.items() if word in stated]
+
+
 def _check_follow(parsed: argparse.Namespace) -> None:
     """Raise IcyMoonError for options that contradict ``--follow``."""
     if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
@@ -369,7 +395,8 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     _check_maps(parsed)
     if parsed.follow:
         _check_follow(parsed)
-        measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points, parsed.maps)
+        measures = _read_confidence_measures(parsed.confidence)
+        measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points, parsed.maps, measures)
         return 0
     return _tell_report(parsed, _evaluate_methods(parsed, methods))
 
@@ -381,6 +408,7 @@ def _evaluate_methods(parsed: argparse.Namespace, methods: Sequence[Method]) -> 
     response = _read_response([], parsed.set)
     check_least(parsed, 0, "seed")
     check_least(parsed, 1, "jobs")
+    measures = _read_confidence_measures(parsed.confidence)
     with tell_events("Evaluating", parsed.json_lines) as on_event:
         return evaluate(
             parsed.path,
@@ -395,6 +423,7 @@ def _evaluate_methods(parsed: argparse.Namespace, methods: Sequence[Method]) -> 
             parsed.jobs,
             parsed.dask,
             parsed.maps,
+            measures,
         )
 
 
@@ -531,6 +560,19 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
     command.add_argument(
         "--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights (0.02)"
     )
+    _add_decision_inputs(command)
+    _add_report_folder(command, "" if out_needed else "decisions")
+    command.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
+    )
+    add_json_lines(command)
+
+
+def _add_decision_inputs(command: argparse.ArgumentParser) -> None:
+    """Add the options that state how well the lander knows its pose, and which measurements it uses."""
     command.add_argument(
         "--pose-error-mm",
         type=float,
@@ -545,14 +587,22 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
         metavar="DEG",
         help="standard deviation of the camera's direction as the lander knows it (%(default)s)",
     )
-    _add_report_folder(command, "" if out_needed else "decisions")
     command.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
+        "--min-confidence",
+        type=float,
+        default=0.0,
+        metavar="LIMIT",
+        help="use no measurement of less confidence than this, from 0 to 1, by matchers that state one (%(default)s)",
     )
-    add_json_lines(command)
+
+
+def _check_decide_options(parsed: argparse.Namespace) -> None:
+    """Raise IcyMoonError for numbers that no decision can have."""
+    check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
+    if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
+        raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
+    if not 0 <= parsed.min_confidence <= 1:
+        raise IcyMoonError(f"--min-confidence is {parsed.min_confidence:g}; give a number from 0 to 1.")
 
 
 def run_decide(parsed: argparse.Namespace) -> int:
@@ -562,9 +612,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
     from .decisions.rules import read_rules
     from .matchers.methods import parse_methods
 
-    check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
-    if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
-        raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
+    _check_decide_options(parsed)
     methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
     response = _read_response([], parsed.set)
     with tell_events("Deciding", parsed.json_lines) as on_event:
@@ -578,6 +626,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
             parsed.cell_m,
             PoseError(parsed.pose_error_mm, parsed.pose_error_deg),
             parsed.seed,
+            parsed.min_confidence,
         )
     path = (parsed.out / "decisions.html").resolve()
     if parsed.json_lines:

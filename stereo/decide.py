@@ -93,10 +93,12 @@ class _DecideRun:
     cell_m: float | None
     pose: PoseError
     seed: int
+    min_confidence: float
 
     def make_digest(self, source: Source) -> str:
         """A digest of everything that determines the rows of a pair, except their methods."""
-        stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
+        limit = [self.min_confidence] if self.min_confidence else []
+        stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed, *limit)
         return make_json_digest([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
 
 
@@ -110,13 +112,15 @@ def decide_pairs(
     cell_m: float | None = None,
     pose: PoseError = EXACT_POSE,
     seed: int = 0,
+    min_confidence: float = 0.0,
 ) -> dict[str, Any]:
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
     ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, maps of
     suitability, slope and reach as npy, and pictures. For ``cell_m`` see ``workspace.open_workspace``, and for
-    ``on_event`` see ``evaluate``.
+    ``on_event`` see ``evaluate``. Measurements of less than ``min_confidence``, from 0 to 1, are not used; above 0 a
+    method that states no confidence fails.
 
     Raises IcyMoonError if there is no pair, or if ``out`` contains files of another program.
     """
@@ -125,7 +129,7 @@ def decide_pairs(
     names = [source.name for source in sources]
     check_output_folder(out, names, FIRST_BYTES)
     remove_leftovers(out)
-    run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed)
+    run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed, min_confidence)
     log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
     failed = _make_rows(sources, run, log, len(labels), on_event)
@@ -138,6 +142,7 @@ def decide_pairs(
         "source": ", ".join(str(path.resolve()) for path in paths),
         "seed": seed,
         "pose_error": {"mm": pose.mm, "deg": pose.deg},
+        **({"min_confidence": min_confidence} if min_confidence else {}),
     }
     return write_decisions(
         out,
@@ -212,7 +217,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         method = next((each for each in run.methods if each.label == label), None)
         try:
             row = _make_row(source.name, label, key, _check_status(workspace.prepared))
-            row |= _decide_with_method(workspace, method, pose, run.out, scoop, random)
+            row |= _decide_with_method(workspace, method, pose, run, scoop, random)
         except DiskError:
             raise
         except Exception as error:
@@ -261,12 +266,14 @@ def _decide_with_method(
     workspace: Workspace,
     method: Method | None,
     pose: Array,
-    out: Path,
+    run: _DecideRun,
     scoop: Scoop | None,
     random: np.random.Generator,
 ) -> dict[str, Any]:
     """The numbers and files of a method, or of the true depth without a method."""
-    depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match_depth(workspace, method)
+    depth, matching = workspace.prepared.truth, 0.0
+    if method is not None:
+        depth, matching = _match_depth(workspace, method, run.min_confidence)
     start = time.process_time()
     error_px = 0.0 if method is None else workspace.rules.cells.disparity_error_px
     found = decide_from_depth(workspace, depth, pose, error_px)
@@ -278,15 +285,23 @@ def _decide_with_method(
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
     return {
         "numbers": numbers,
-        "images": _write_maps(workspace, found, numbers, out, method.file_name if method else "true_depth"),
+        "images": _write_maps(workspace, found, numbers, run.out, method.file_name if method else "true_depth"),
     }
 
 
-def _match_depth(workspace: Workspace, method: Method) -> tuple[Array, float]:
-    """The depth of a method, and the processor seconds that it took."""
+def _match_depth(workspace: Workspace, method: Method, min_confidence: float) -> tuple[Array, float]:
+    """The depth of a method, NaN where its confidence is less than a limit above 0, and the processor seconds that it
+    took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
     disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
+    if min_confidence > 0:
+        if info["confidence"] is None:
+            raise IcyMoonError(
+                f"{describe_method(method.label)} states no confidence, of which at least {min_confidence:g} is asked; "
+                "leave out the limit or the method."
+            )
+        disparity = np.where(info["confidence"] >= min_confidence, disparity, np.nan)
     return disparity_to_depth(prepared, disparity), float(info["seconds"])
 
 

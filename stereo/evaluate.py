@@ -19,7 +19,7 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
-from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
+from .datasets.predictions import PREDICTION, find_confidence, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
@@ -28,6 +28,7 @@ from .matchers import describe_plugin_release, list_option_files
 from .matchers.lidar_options import LIDAR
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
+from .measure.confidence_metrics import OWN
 from .measure.plug_in import load_plugin_metrics
 from .measure_pair import MeasureRun, MeasureTask, has_maps, measure_pair
 from .measuring_cluster import measure_on_cluster
@@ -56,6 +57,7 @@ def evaluate(
     jobs: int | None = None,
     dask: str | None = None,
     maps: float | None = None,
+    confidence: Sequence[str] = (OWN,),
 ) -> Report:
     """Evaluate pairs and all pairs of data sets, including data sets in other layouts (``datasets.dataset_layouts``);
     return the content of ``report.json``.
@@ -66,7 +68,8 @@ def evaluate(
     ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
     With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
     ``points`` the measured surfaces are written too, and with ``maps``, the size of a cell in metres or 0 for a
-    suitable one, their heights and errors on the map of the ground, see ``map_results``.
+    suitable one, their heights and errors on the map of the ground, see ``map_results``. ``confidence`` are the
+    ``confidence_metrics.MEASURES`` to measure; all but the matchers' own need more runs of each matcher.
 
     Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``comparisons.csv``, ``report.json``,
     ``summary.json`` (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``,
@@ -89,7 +92,7 @@ def evaluate(
     names = [source.name for source in sources]
     check_output_folder(out, names)
     remove_leftovers(out)
-    run = MeasureRun(methods, out, dict(response or {}), points, maps)
+    run = MeasureRun(methods, out, dict(response or {}), points, maps, tuple(confidence))
     evaluation = Evaluation(sources, run, on_event)
     try:
         evaluation.log_results(
@@ -175,8 +178,12 @@ class Evaluation:
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
+                if stated := find_confidence(method, pair):
+                    inputs = [*inputs, stated[0].name, read_checksum(stated[0])]
         inputs = [*inputs, *list_lidar_inputs(method, pair)]
-        return make_json_digest([content, inputs, *([self._metrics] if self._metrics else [])])
+        asked = list(self._run.confidence)
+        measured = [*([self._metrics] if self._metrics else []), *([asked] if asked != [OWN] else [])]
+        return make_json_digest([content, inputs, *measured])
 
     def _is_finished(self, row: Row, task: MeasureTask) -> bool:
         compared = all(

@@ -22,6 +22,7 @@ from .evaluated_pairs import Source, find_sources
 from .evaluation_files import check_output_folder, remove_leftovers
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
+from .measure.confidence_metrics import OWN
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
 
 #: Seconds between looks for another pair.
@@ -36,13 +37,14 @@ def measure_completed_pairs(
     is_over: Callable[[], bool],
     points: bool = False,
     maps: float | None = None,
+    confidence: Sequence[str] = (OWN,),
 ) -> None:
     """Measure pairs of a data set as they are completed, until ``is_over``; for the other parameters see ``evaluate``.
 
     A measurement in progress at the end is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
     files that no evaluation wrote.
     """
-    run = MeasureRun(methods, out, dict(response), points, maps)
+    run = MeasureRun(methods, out, dict(response), points, maps, tuple(confidence))
     seen: set[str] = set()
     check_output_folder(out, ())
     remove_leftovers(out)
@@ -85,6 +87,7 @@ def measure_until_input_ends(
     response: Mapping[str, Mapping[str, Any]],
     points: bool,
     maps: float | None,
+    confidence: Sequence[str],
 ) -> None:
     """Measure as ``measure_completed_pairs`` does, at a lower priority, until standard input ends. It ends with the
     renderer, also if the renderer crashes.
@@ -98,4 +101,4 @@ def measure_until_input_ends(
         over.set()
 
     threading.Thread(target=wait, daemon=True).start()
-    measure_completed_pairs(dataset, methods, out, response, over.is_set, points, maps)
+    measure_completed_pairs(dataset, methods, out, response, over.is_set, points, maps, confidence)

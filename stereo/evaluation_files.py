@@ -6,11 +6,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, remove_leftover_parts
 from ..support.system import open_regular
 from .images import colours
+from .images.disparity_files import encode_confidences
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
 from .measure.prepare_pair import PreparedPair
@@ -83,19 +86,30 @@ def write_pair_pictures(prepared: PreparedPair, out: Path) -> dict[str, str]:
 
 
 def write_method_pictures(
-    prepared: PreparedPair, method: Method, disparity: Array, info: Mapping[str, Any], out: Path
+    prepared: PreparedPair,
+    method: Method,
+    disparity: Array,
+    info: Mapping[str, Any],
+    out: Path,
+    confidences: Mapping[str, Array],
 ) -> dict[str, str]:
-    """Write depth, error and disparity of one method; return their paths relative to ``out``.
+    """Write depth, error and disparity of one method; return their paths relative to ``out``. The ``confidences``, by
+    measure, are beside the disparity.
 
-    If ``info`` has the array ``flags``, with the reason for each rejected pixel, a picture of the flags is written too.
+    A picture of the first confidence is written too, and if ``info`` has the array ``flags``, with the reason for each
+    rejected pixel, one of the flags.
     """
     depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.depth_camera.focal_baseline_px_m)
+    arrays = encode_confidences(confidences) | info["arrays"]
+    write_disparity(npz, disparity, arrays, focal_baseline_px_m=prepared.depth_camera.focal_baseline_px_m)
     written = {
         "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
         "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR_SCALE),
     }
+    for confidence in list(confidences.values())[:1]:  # the matcher's own is the first
+        picture = colours.draw_confidence(confidence, np.isfinite(disparity))
+        written["confidence"] = colours.add_colour_bar(picture, colours.CONFIDENCE_SCALE)
     if "flags" in info["arrays"]:
         written["flags"] = colours.draw_outcomes(info["arrays"]["flags"], disparity.shape)
     return {

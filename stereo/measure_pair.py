@@ -13,7 +13,7 @@ import numpy as np
 from ..formats.map_frame import MapFrame
 from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
-from ..support.errors import DiskError, describe_error
+from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.files import write_json
 from .datasets.foreign_pair import PhotographedPair
 from .datasets.predictions import PREDICTION, read_prediction
@@ -23,9 +23,11 @@ from .export.points import add_points, find_left_pose
 from .fusion.fuse import match_method
 from .images.disparity_files import read_disparity
 from .map_results import find_map_frame, name_maps, write_maps
+from .matchers.black_box_confidence import RUNS, compute_black_box_confidence
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
+from .measure.confidence_metrics import MEASURES, OWN
 from .measure.prepare_pair import PreparedPair
 from .report.row_log import Row
 from .report.schema import Failure
@@ -41,6 +43,7 @@ class MeasureRun:
     response: Mapping[str, Mapping[str, Any]]
     points: bool
     maps: float | None = None  # the size of the cells of maps in metres, 0 for a suitable one; None for no maps
+    confidence: Sequence[str] = (OWN,)  # the confidence_metrics.MEASURES to measure
 
 
 @dataclass(frozen=True)
@@ -122,8 +125,11 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
         try:
             disparity, info = match_prepared(method, prepared, ranges)
             info["search"] = info["search"] and info["search"].to_json(shared)
-            row = make_result_row(prepared, method, task.keys[label], disparity, info)
-            rows[label] = row | {"images": write_method_pictures(prepared, method, disparity, info, run.out)}
+            confidences, warnings = _find_confidences(method, prepared, ranges, disparity, info, run.confidence)
+            row = make_result_row(prepared, method, task.keys[label], disparity, info, confidences)
+            pictures = write_method_pictures(prepared, method, disparity, info, run.out, confidences)
+            rows[label] = row | {"images": pictures}
+            yield from warnings
         except DiskError:
             raise
         except Exception as error:
@@ -133,6 +139,17 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             continue
         disparities[label] = disparity
         yield _make_row_event(rows[label])
+    yield from _compare_and_map(prepared, run, task, rows, disparities)
+
+
+def _compare_and_map(
+    prepared: PreparedPair,
+    run: MeasureRun,
+    task: MeasureTask,
+    rows: Mapping[str, Row],
+    disparities: Mapping[str, Array],
+) -> Iterator[dict[str, Any]]:
+    """The updates of rows by the numbers that depend on two methods, and by points and maps."""
     common = measure_common_pixels(prepared, disparities)
     points = run.points and find_left_pose(prepared) is not None
     frame = find_map_frame(prepared) if run.maps is not None else None
@@ -147,6 +164,40 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             row["images"] = _add_maps(row["images"], run, prepared, frame, method, disparity)
         if row != rows[label]:
             yield _make_row_event(row, "update")
+
+
+def _find_confidences(
+    method: Method,
+    prepared: PreparedPair,
+    ranges: Callable[[], Mapping[str, SearchRange]],
+    disparity: Array,
+    info: Mapping[str, Any],
+    measures: Sequence[str],
+) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """The confidences (H, W) of a disparity map by measure, and a warning about each that failed. Not every matcher
+    states one of its own; a prediction and a map with range points cannot be matched again."""
+    own = info["confidence"]
+    found = {OWN: own} if own is not None and OWN in measures else {}
+    warnings: list[dict[str, Any]] = []
+    if method.name == PREDICTION or method.lidar is not None:
+        return found, warnings
+    for measure in (measure for measure in RUNS if measure in measures):
+        try:
+            found[measure] = compute_black_box_confidence(
+                measure,
+                method.name,
+                prepared.left,
+                prepared.right,
+                disparity,
+                method.options,
+                prepared.depth_camera,
+                ranges(),
+            )
+        except IcyMoonError as error:
+            where = f"{prepared.pair.folder} by {describe_method(method.label)}"
+            message = f"{where} has no confidence by {MEASURES[measure]}: {error}"
+            warnings.append({"type": "warning", "message": message})
+    return found, warnings
 
 
 def _add_maps(

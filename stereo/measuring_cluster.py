@@ -44,6 +44,7 @@ def measure_on_cluster(
             "response": run.response,
             "points": run.points,
             "maps": run.maps,
+            "confidence": list(run.confidence),
         }
     )
     with connect_cluster(address) as client:
@@ -93,4 +94,5 @@ def _unpack_setup(setup: str) -> tuple[dict[str, Source], MeasureRun]:
         found["response"],
         found["points"],
         found["maps"],
+        found["confidence"],
     )

@@ -60,6 +60,7 @@ class MeasuringProcesses:
             "response": run.response,
             "points": run.points,
             "maps": run.maps,
+            "confidence": list(run.confidence),
         }
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
@@ -181,6 +182,7 @@ def main(arguments: Sequence[str]) -> int:
             setup["response"],
             setup["points"],
             setup["maps"],
+            setup["confidence"],
         )
         try:
             for line in lines:

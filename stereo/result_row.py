@@ -7,6 +7,7 @@ from typing import Any
 
 from ..support.arrays import Array
 from .matchers.methods import Method
+from .measure.confidence_metrics import make_confidence_entries
 from .measure.metrics import COSTS
 from .measure.plug_in import measure_plugin_metrics
 from .measure.prepare_pair import PreparedPair
@@ -14,8 +15,16 @@ from .measure.row_metrics import NUMBERS, measure_row_numbers
 from .report.row_log import Row
 
 
-def make_result_row(prepared: PreparedPair, method: Method, key: str, disparity: Array, info: Mapping[str, Any]) -> Row:
-    """The row of a method that has computed a disparity (H, W), px, with the facts ``info`` of ``match``.
+def make_result_row(
+    prepared: PreparedPair,
+    method: Method,
+    key: str,
+    disparity: Array,
+    info: Mapping[str, Any],
+    confidences: Mapping[str, Array],
+) -> Row:
+    """The row of a method that has computed a disparity (H, W), px, with the facts ``info`` of ``match``, and the
+    ``confidences`` of its pixels, by measure.
 
     ``key`` is the digest by which a later run recognises the row. Metrics over common pixels and the paths of pictures
     are added later.
@@ -27,6 +36,7 @@ def make_result_row(prepared: PreparedPair, method: Method, key: str, disparity:
         "status": "ok" if prepared.check.ok else "suspect",
         **measure_row_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
         **measure_plugin_metrics(prepared, disparity),
+        **make_confidence_entries(disparity, prepared.pair.camera.disparity(prepared.truth), confidences),
         "common": {},
         **{cost: info[cost] for cost in COSTS},
         "options": info["options"],

@@ -46,7 +46,8 @@ def serve(
     corner of the first pixel), ``baseline_m`` and ``range_px``, the least and the greatest disparity that the rig can
     see, or None; it is None if the camera is not known. The result is the disparity of
     the left image (H, W) in px, left column minus right column, as an array or a tensor of PyTorch; NaN or 0 where
-    nothing was measured. An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
+    nothing was measured. It may be a tuple of this and a confidence (H, W) from 0 to 1; an expected error of e px is
+    the confidence exp(-e). An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
     """
     if sys.stdin is None or sys.stdin.isatty():
         sys.exit(
@@ -75,12 +76,14 @@ def drop_single_axes(values: np.ndarray) -> np.ndarray:
     return values
 
 
+def to_numpy(found: Any) -> np.ndarray:
+    """An array of anything, also of a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks."""
+    return np.asarray(found.detach().float().cpu().numpy() if hasattr(found, "detach") else found)
+
+
 def to_disparity_map(found: object, shape: tuple[int, ...]) -> np.ndarray:
     """The output of a program as float32 (H, W). Raises ValueError, with the fix, if it is not a disparity map."""
-    if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
-        found = found.detach().float().cpu().numpy()
-    found = np.asarray(found)
-    found = drop_single_axes(found)
+    found = drop_single_axes(to_numpy(found))
     if found.dtype.kind not in "fiu":
         raise ValueError(f"the disparity map has values of type {found.dtype}; return numbers")
     if found.shape != tuple(shape):
@@ -132,9 +135,16 @@ def _answer_request(disparity: Callable[..., Any], request: dict[str, Any]) -> d
         camera = SimpleNamespace(**request["camera"], range_px=request.get("range"))
     begin = _record_gpu_event()
     wall, cpu = time.perf_counter(), time.process_time()
-    found = to_disparity_map(disparity(left, right, camera), left.shape[:2])  # waits for the GPU
+    found = disparity(left, right, camera)
+    found, *stated = found if isinstance(found, tuple) else (found,)
+    if len(stated) > 1:
+        raise ValueError(f"the function returned {1 + len(stated)} values; return the disparity and its confidence")
+    found = to_disparity_map(found, left.shape[:2])  # waits for the GPU
     took = {"seconds": time.perf_counter() - wall, "cpu_seconds": time.process_time() - cpu, **_measure_gpu_use(begin)}
     np.save(request["out"], found)
+    if stated and "confidence" in request:  # an older Icy Moon asks for none
+        np.save(request["confidence"], np.asarray(to_numpy(stated[0]), np.float32))
+        took["confidence"] = "confidence"
     return {**took, **_measure_peak_memory()}
 
 

@@ -47,7 +47,7 @@ class MapFile:
 
     ``steps`` are the counts of the file per px or metre. None means 256 for a disparity in a 16-bit PNG, unknown for a
     PNG of 8 bits, and 1 otherwise. With ``along_ray`` depths are distances from the eye, else they lie along the
-    optical axis. Zero, infinity and NaN mean unknown.
+    optical axis. Zero (unless ``zero_is_unknown`` is false), infinity and NaN mean unknown.
     """
 
     path: Path
@@ -57,6 +57,7 @@ class MapFile:
     sintel: bool = False  # coded in three bytes, as in Sintel
     predicted: bool = False  # a method's result, for which no file states the steps
     channel: str | None = None  # the channel of an EXR file, or the array of an npz, with the map
+    zero_is_unknown: bool = True  # false for a map of other numbers, such as a confidence
 
 
 def resolve_inside(root: Path, name: str | Path) -> Path:
@@ -149,7 +150,7 @@ def read_map(file: MapFile) -> Array:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")
     values = values.astype(np.float64)
     values /= usual if file.steps is None else file.steps
-    values[~np.isfinite(values) | (values == 0)] = np.nan
+    values[~np.isfinite(values) | ((values == 0) & file.zero_is_unknown)] = np.nan
     return values
 
 

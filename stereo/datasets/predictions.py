@@ -13,7 +13,10 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
+from ..images.bounded_decoding import decode
+from ..images.image_files import read_png
 from ..matchers.methods import Method, describe_method
+from ..matchers.result import CONFIDENCE, ERROR_PX, Confidence
 from ..measure.metrics import COSTS, is_usable
 from ..measure.prepare_pair import PreparedPair
 from .data_files import MapFile, read_map, resolve_inside
@@ -26,6 +29,8 @@ PREDICTION = "prediction"
 PREDICTION_SUFFIXES = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
 #: Most files of a folder that are searched for a prediction under another name.
 _MOST_SEARCHED_FILES = 1000
+#: What a file beside a disparity may state, and the ends of its name.
+_STATED = (CONFIDENCE, ERROR_PX)
 _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 
 
@@ -85,11 +90,34 @@ def _find_misnamed_file(root: Path, pair: str) -> Path | None:
         found = [
             path
             for path in islice(root.iterdir(), _MOST_SEARCHED_FILES)
-            if path.suffix in PREDICTION_SUFFIXES and named.search(path.stem) and not is_of_file_manager(path.name)
+            if path.suffix in PREDICTION_SUFFIXES
+            and named.search(path.stem)
+            and not path.stem.endswith(tuple(f"_{kind}" for kind in _STATED))
+            and not is_of_file_manager(path.name)
         ]
     except OSError:
         return None
     return found[0] if len(found) == 1 else None
+
+
+def find_confidence(method: Method, pair: str) -> tuple[Path, str] | None:
+    """The file beside a pair's disparity with its confidence, PAIR_confidence, or its expected error, PAIR_error_px,
+    and the kind of its numbers; None without one. Raises IcyMoonError if there are several."""
+    root = Path(method.options["folder"])
+    found = [(path, kind) for kind in _STATED for path in _find_prediction_files(root, f"{pair}_{kind}")]
+    if len(found) > 1:
+        names = " and ".join(path.name for path, _ in found)
+        raise IcyMoonError(f"{root} has {names} of the pair {pair}; keep one of them.")
+    return (resolve_inside(root, found[0][0].relative_to(root)), found[0][1]) if found else None
+
+
+def _read_confidence(path: Path, kind: str, measured: Array) -> Array:
+    """A confidence, float32 (H, W) from 0 to 1, of the ``measured`` pixels. In a PNG of a confidence the largest
+    number, 255 or 65535, is 1; a PNG of an error has 256 steps per px. Unlike in a disparity, 0 is a number."""
+    if kind == CONFIDENCE and path.suffix == ".png":
+        image = read_png(path, decode)
+        return Confidence(image / np.iinfo(image.dtype).max, kind).check(str(path), measured)
+    return Confidence(read_map(MapFile(path, predicted=True, zero_is_unknown=False)), kind).check(str(path), measured)
 
 
 def read_prediction(method: Method, prepared: PreparedPair) -> tuple[Array, dict[str, Any]]:
@@ -101,6 +129,7 @@ def read_prediction(method: Method, prepared: PreparedPair) -> tuple[Array, dict
     disparity = read_map(MapFile(path, predicted=True))
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
     found = is_usable(disparity) & is_possible(disparity)
+    stated = find_confidence(method, prepared.pair.name)
     return np.where(found, disparity, np.nan).astype(np.float32), {
         "method": PREDICTION,
         "options": method.options,
@@ -109,4 +138,5 @@ def read_prediction(method: Method, prepared: PreparedPair) -> tuple[Array, dict
         "counts": {},
         "facts": {},
         "search": None,
+        "confidence": stated and _read_confidence(*stated, found),
     }

@@ -169,7 +169,9 @@ def write_decisions(
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
     head = [*make_head_sentences(summary, facts), *_make_volume_sentences(progress), *_make_fault_sentences(faults)]
+    limit = provenance.get("min_confidence")
     notes = [
+        *([f"Measurements of less confidence than {limit:g} are not used."] if limit else []),
         *find_notes(rows, facts),
         *(note for entry in progress for note in entry["notes"]),
         *dict.fromkeys(entry["note"] for entry in faults if entry["note"]),

@@ -54,7 +54,7 @@ def match_method(
     spent = {"seconds": time.process_time() - start, "wall_seconds": time.perf_counter() - wall}
     facts = {"range_points": len(points.column)}
     if method.name == LIDAR:
-        info = {"arrays": {}, "counts": {}, "search": None, **dict.fromkeys(COSTS), **spent}
+        info = {"arrays": {}, "counts": {}, "search": None, "confidence": None, **dict.fromkeys(COSTS), **spent}
         found = expected
     else:
         stereo, info = _match_guided(method, left, right, camera, ranges, points, expected, random)
@@ -65,6 +65,7 @@ def match_method(
         info |= {cost: info[cost] + more for cost, more in spent.items() if info.get(cost) is not None}
     stated = {f"lidar.{key}": value for key, value in options.items()}
     info |= {"method": method.name, "options": dict(method.options) | stated, "facts": info.get("facts", {}) | facts}
+    info["confidence"] = None  # the matcher's is not of the joined map
     return np.where(found > 0, found, np.nan).astype(np.float32), info
 
 

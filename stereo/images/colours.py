@@ -94,6 +94,8 @@ class Scale:
 
 
 ERROR_SCALE = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
+#: The scale of confidences: a confidence c is the expected error -ln c px.
+CONFIDENCE_SCALE = Scale(0.03, 3.0, MAGMA, "Expected error (px), log scale")
 
 
 def make_depth_scale(truth: Array) -> Scale:
@@ -120,6 +122,13 @@ def draw_error(prediction: Array, truth: Array) -> Array:
     return ERROR_SCALE.colours(
         np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
     )
+
+
+def draw_confidence(confidence: Array, measured: Array) -> Array:
+    """BGR picture of confidences from 0 to 1 as expected errors on CONFIDENCE_SCALE; INVALID_GREY where not
+    ``measured``. Bright is unsure, as it is wrong in a picture of errors."""
+    expected = -np.log(np.maximum(confidence, np.finfo(np.float32).tiny))
+    return CONFIDENCE_SCALE.colours(expected, {INVALID_GREY: ~measured})
 
 
 #: RGB of a measurement that is too near, too far, and right.

@@ -116,10 +116,12 @@ def match_checked(
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
     * info: ``method``, the complete ``options``, the costs from ``match_timed``, ``arrays``, ``counts`` and ``facts``,
-      see ``Result``, and ``search``, the range that was searched, or None if the matcher has no range.
+      see ``Result``, ``search``, the range that was searched, or None if the matcher has no range, and ``confidence``,
+      float32 (H, W) from 0 to 1, 0 where invalid, or None if the matcher states none.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for images that cannot be used or are
-    too small for the options, and if a matcher that measures everywhere gave no number at all.
+    too small for the options, if a matcher that measures everywhere gave no number at all, and for a confidence that
+    cannot be used.
     """
     module = load_matcher(method)
     complete = dict(options)
@@ -154,6 +156,7 @@ def match_checked(
             "counts": result.counts,
             "facts": result.facts,
             "search": search,
+            "confidence": result.confidence and result.confidence.check(get_matcher_title(method), valid),
         },
     )
 

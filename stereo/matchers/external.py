@@ -8,6 +8,8 @@ It is split into arguments as a shell does, and run without a shell in the curre
 8-bit RGB PNG. ``out`` is the file to write: the disparity of the left image in px, as pfm, npy or 16-bit PNG. A pixel
 without measurement is 0 in a PNG and anything but a positive number in the others. ``calibration`` is a text file: the
 nine numbers of K (principal point in pixel-corner coordinates) on one line, the baseline in metres on the next.
+A program that states a confidence also writes the npy file ``confidence``, from 0 to 1, or ``error_px``, its expected
+error.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ from ...support.temporary_folders import open_scratch_folder
 from ..adapters.icymoon_serve import to_disparity_map
 from ..images.image_files import read_pfm, read_png, write_png
 from .options import Option
-from .result import Result
-from .user_programs import read_array, read_last_line, require_program, split_arguments
+from .result import CONFIDENCE, ERROR_PX, Confidence, Result
+from .user_programs import read_array, read_last_line, read_written_array, require_program, split_arguments
 
 SET_UP = (
     0,
@@ -44,7 +46,7 @@ OPTIONS = (
         "command",
         "",
         "The program and its arguments, with {left}, {right} and {out} and, if it needs them, "
-        "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}",
+        "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}; {confidence} or {error_px} if it writes one",
     ),
     Option("format", "npy", "Format of the file that it writes", choices=("npy", "pfm", "png")),
     Option("png_scale", 256, "Steps of a PNG per px of disparity", 1, 65535),
@@ -55,6 +57,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 _IMAGES = ("left", "right", "out")
 _CAMERA = ("focal_px", "cx_px", "cy_px", "baseline_m")
+_STATED = (CONFIDENCE, ERROR_PX)
 _FIELD = re.compile(r"\{(\w+)\}")
 
 
@@ -62,10 +65,9 @@ def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the command can be run."""
     arguments = _split_command(options)
     fields = {field for argument in arguments for field in _FIELD.findall(argument)}
-    for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
-        raise IcyMoonError(
-            f"external.command has the field {{{field}}}, {suggest_nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}"
-        )
+    known = (*_IMAGES, "calibration", *_CAMERA, *_STATED)
+    for field in sorted(fields - set(known)):
+        raise IcyMoonError(f"external.command has the field {{{field}}}, {suggest_nearest(field, known)}")
     missing = [f"{{{field}}}" for field in _IMAGES if field not in fields]
     if missing:
         raise IcyMoonError(
@@ -80,6 +82,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     with open_scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
+        values |= {kind: str(folder / f"{kind}.npy") for kind in _STATED}
         for eye, image in (("left", left), ("right", right)):
             write_png(Path(values[eye]), image[..., ::-1])
         if camera is not None:
@@ -97,7 +100,14 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
             options["timeout_s"],
             folder / "errors.txt",
         )
-        return Result(_read_disparity(Path(values["out"]), left.shape[:2], options))
+        shape = left.shape[:2]
+        stated = next((kind for kind in _STATED if any(f"{{{kind}}}" in argument for argument in arguments)), None)
+        confidence = (
+            Confidence(read_written_array("external.command", stated, Path(values[stated]), shape), stated)
+            if stated
+            else None
+        )
+        return Result(_read_disparity(Path(values["out"]), shape, options), confidence=confidence)
 
 
 def files(options: dict[str, Any]) -> list[str]:

@@ -13,6 +13,7 @@ import numpy as np
 from ...support.arrays import Array
 from . import network_matchers
 from .plug_in import MatchContext
+from .result import LOGIT
 
 if TYPE_CHECKING:
     from torch import nn
@@ -51,8 +52,12 @@ def load(options: Mapping[str, Any]) -> None:
     network_matchers.load(NETWORK, options)
 
 
-def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
-    """Disparity of uint8 grey (H, W) images, everywhere, and facts on the network."""
+#: What the third value that ``match`` returns states, see ``result``.
+CONFIDENCE = LOGIT
+
+
+def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any], Array]:
+    """Disparity of uint8 grey (H, W) images, everywhere, facts on the network, and the logit of a confidence."""
     from torch.nn import functional as F  # noqa: N812, its usual name
 
     from ..networks.icynet import MULTIPLE
@@ -72,5 +77,5 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
             )
             for image in (left, right[:, place])
         )
-        disparity, _ = model(*eyes)
-        return disparity[0, :height, :width].cpu().numpy() + np.float32(context.least_px), facts
+        disparity, logit = (each[0, :height, :width].cpu().numpy() for each in model(*eyes))
+        return disparity + np.float32(context.least_px), facts, logit

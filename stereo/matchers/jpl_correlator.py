@@ -122,6 +122,16 @@ def judge_matches(found: Search, least: int, most: int, window: int, uncertainty
     return np.where(flags == ACCEPT, ONE * (best + least) + offset, NO_DATA), flags.astype(np.uint8)
 
 
+def compute_expected_error(found: Search, disparity: Array, least: int, window: int) -> Array:
+    """The correlator's own expected error, px, float64 of the shape of ``disparity``, which is that of
+    ``judge_matches``; NaN where that has no data. It is the number that ``uncertainty`` limits there."""
+    before, after, score = (scores.astype(np.int64) for scores in (found.before, found.after, found.score))
+    measured = disparity != NO_DATA
+    curvature = np.where(measured, before + after - 2 * score, 1)
+    offset = np.where(measured, disparity - ONE * (found.best.astype(np.int64) + least), 0)
+    return np.where(measured, window**2 * (((467 * offset**2) >> 16) + 362) / curvature / ONE, np.nan)
+
+
 def find_blobs(disparity: Array, smallest: int) -> Array:
     """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
 

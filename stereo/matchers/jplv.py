@@ -19,7 +19,7 @@ from ...support.errors import IcyMoonError
 from . import jpl_correlator as jpl
 from .opencv_common import require_room
 from .options import Option
-from .result import Result
+from .result import ERROR_PX, Confidence, Result
 from .search_range import AUTO, STATED, TRUTH, SearchRange, require_range
 from .slanted_windows import refine_subpixel
 
@@ -103,7 +103,8 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     """Disparity of uint8 (H, W) images.
 
     The arrays belong to the halved images: ``jpl_disparity``, int32 in 1/256 of their px, 0x7FFF where rejected, always
-    by the parabola of the original; and ``flags``, uint8, the index in ``FLAGS``.
+    by the parabola of the original; and ``flags``, uint8, the index in ``FLAGS``. The confidence is the correlator's
+    own expected error, which its ``uncertainty`` limits.
     """
     cv2.setNumThreads(1)
     level, window = options["pyramid_level"], options["window"]
@@ -118,11 +119,11 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     margin = rim + window // 2
     require_room("jplv", left, 2 * margin < min(seen_left.shape), "window or jplv.pyramid_level")
     found = jpl.search_disparities(seen_left, seen_right, least, most, window, rim)
-    fixed, flags = (
+    judged = jpl.judge_matches(found, least, most, window, options["uncertainty"])
+    error = jpl.compute_expected_error(found, judged[0], least, window)
+    fixed, flags, error = (
         np.pad(part, margin, constant_values=outside)
-        for part, outside in zip(
-            jpl.judge_matches(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND), strict=True
-        )
+        for part, outside in zip((*judged, error), (jpl.NO_DATA, jpl.BOUND, np.nan), strict=True)
     )
     size = options["blob_size"]
     blobs = jpl.find_blobs(fixed, size if size >= 0 else fixed.size * -size // 100)
@@ -134,6 +135,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
         _enlarge_disparity(disparity, level, left.shape),
         {"jpl_disparity": fixed.astype(np.int32), "flags": flags},
         {name: int((flags == flag).sum()) for flag, name in enumerate(jpl.FLAGS)},
+        confidence=Confidence(_enlarge_disparity(error, level, left.shape), ERROR_PX),
     )
 
 

@@ -14,7 +14,7 @@ import re
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import hash_file, parse_path
 from .options import Option
-from .result import Result
+from .result import CONFIDENCE, CONFIDENCE_KINDS, ERROR_PX, Confidence, Result
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -64,6 +64,14 @@ OPTIONS = (
     ),
     Option("scale", 1.0, "Factor from the network's numbers to px of the image that it gets", 1e-6, 1e6),
     Option("output", 0, "Which output is the disparity, from 0", 0, 99),
+    Option("confidence", -1, "Which output is the confidence of the disparity, from 0; -1 for none", -1, 99),
+    Option(
+        "confidence_is",
+        CONFIDENCE,
+        "What this output states: a confidence from 0 to 1, an expected error in the units of the disparity, or the "
+        "logit of a confidence",
+        choices=CONFIDENCE_KINDS,
+    ),
     Option(
         "test",
         "shift",
@@ -156,7 +164,7 @@ def load(options: dict[str, Any]) -> None:
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
     network = _load_network(options)
-    return Result(*_run_network(network, left, right, options))
+    return _run_network(network, left, right, options)
 
 
 def _find_model_path(options: dict[str, Any]) -> Path:
@@ -264,45 +272,72 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
     )
 
 
-def _run_network(
-    network: _Network, left: Array, right: Array, options: dict[str, Any]
-) -> tuple[Array, dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """The disparity, arrays, counts and facts of a ``Result``."""
+def _run_network(network: _Network, left: Array, right: Array, options: dict[str, Any]) -> Result:
     height, width = left.shape[:2]
     multiple = options["multiple"]
-    run_height, run_width = network.fixed or (height + -height % multiple, width + -width % multiple)
+    run_shape = network.fixed or (height + -height % multiple, width + -width % multiple)
     images = {"left": left, "right": right} if options["swap"] == "no" else {"left": right, "right": left}
     if network.fixed is None:
         images = {
-            eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
+            eye: np.pad(image, ((0, run_shape[0] - height), (0, run_shape[1] - width), (0, 0)), mode="edge")
             for eye, image in images.items()
         }
+    outputs = _compute_outputs(network, images, run_shape, options)
+    factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
+    find = partial(_find_map, network, outputs, (height, width), run_shape)
+    kind = options["confidence_is"]
+    confidence = None
+    if options["confidence"] >= 0:
+        stated = find("confidence", options["confidence"], abs(factor) if kind == ERROR_PX else None)
+        confidence = Confidence(stated, kind)
+    return Result(
+        find("output", options["output"], factor),
+        facts={**network.facts, "input_height": run_shape[0], "input_width": run_shape[1]},
+        confidence=confidence,
+    )
+
+
+def _find_map(
+    network: _Network,
+    outputs: Sequence[Array],
+    shape: tuple[int, int],
+    run_shape: tuple[int, int],
+    option: str,
+    place: int,
+    factor: float | None,
+) -> Array:
+    """The map of the size of the images in an output; ``factor`` turns it into px of the network's input, and is None
+    for numbers that are not in px."""
+    found = _select_output_map(network, outputs, place, option, run_shape).astype(np.float32)
+    if factor is not None:
+        found = found * np.float32(factor)
+    if network.fixed is None:
+        return found[: shape[0], : shape[1]]
+    if network.fixed == shape:
+        return found
+    resized = np.asarray(cv2.resize(found, shape[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    return resized if factor is None else resized * np.float32(shape[1] / run_shape[1])
+
+
+def _compute_outputs(
+    network: _Network, images: dict[str, Array], shape: tuple[int, int], options: dict[str, Any]
+) -> list[Array]:
+    """All outputs of the network for images of its input's ``shape``. Raises IcyMoonError if it fails."""
     given = {each.name: _make_input_tensor(each, images, options) for each in network.inputs}
-    most_s = options["timeout_s"] * max(1.0, run_height * run_width / _TIMED_PIXELS)
+    most_s = options["timeout_s"] * max(1.0, shape[0] * shape[1] / _TIMED_PIXELS)
     try:
-        outputs = _run_bounded(network.session, given, most_s)
+        return _run_bounded(network.session, given, most_s)
     except TimeoutError:
         raise IcyMoonError(
-            f"onnx.model {_find_model_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
-            f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
+            f"onnx.model {_find_model_path(options).name} was stopped after {most_s:.0f} s for {shape[1]} x "
+            f"{shape[0]} px; if it is only slow, give a larger onnx.timeout_s than "
             f"{options['timeout_s']:g}; if it contains an endless loop, export it again without the loop."
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
             f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_find_first_line(error)}); try "
-            f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
+            f"onnx.multiple, {options['multiple']}, onnx.device=cpu or smaller images."
         ) from None
-    factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
-    disparity = _select_output_map(network, outputs, options, (run_height, run_width)).astype(np.float32) * np.float32(
-        factor
-    )
-    if network.fixed is None:
-        disparity = disparity[:height, :width]
-    elif network.fixed != (height, width):
-        disparity = cv2.resize(disparity, (width, height), interpolation=cv2.INTER_LINEAR) * np.float32(
-            width / run_width
-        )
-    return disparity, {}, {}, {**network.facts, "input_height": run_height, "input_width": run_width}
 
 
 def _make_input_tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> Array:
@@ -334,10 +369,10 @@ def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Arr
 
 
 def _select_output_map(
-    network: _Network, outputs: Sequence[Array], options: dict[str, Any], shape: tuple[int, int]
+    network: _Network, outputs: Sequence[Array], place: int, option: str, shape: tuple[int, int]
 ) -> Array:
-    """The map (H, W) in the chosen output: the first channel of the first image."""
-    place, declared = options["output"], network.session.get_outputs()
+    """The map (H, W) in the output that an option names: the first channel of the first image."""
+    declared = network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
     if found is not None and found.ndim >= 2 and found.dtype.kind == "f":
         while found.ndim > 2 and (found.shape[-2:] == shape or found.shape[0] == 1):
@@ -347,8 +382,9 @@ def _select_output_map(
         if found.shape == shape:
             return found
     raise IcyMoonError(
-        f"onnx.output is {place}, and the network's outputs are {_describe_declared(declared)}; choose the one "
-        f"with the disparities of the whole image, {shape[1]} x {shape[0]} px."
+        f"onnx.{option} is {place}, and the network's outputs are {_describe_declared(declared)}; choose the one "
+        f"with the {'disparities' if option == 'output' else 'confidence'} of the whole image, "
+        f"{shape[1]} x {shape[0]} px."
     )
 
 
@@ -378,7 +414,7 @@ def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...
     found = []
     for shift in _SHIFTS_PX:
         # A point at column x of the left image is at x less the shift of the right one.
-        disparity = _run_network(network, image[:, :width], image[:, shift : shift + width], options)[0]
+        disparity = _run_network(network, image[:, :width], image[:, shift : shift + width], options).disparity
         inner = disparity[height // 8 : height - height // 8, width // 8 : width - width // 8]
         found.append(float(np.median(inner)))
     return tuple(found)

@@ -20,7 +20,7 @@ from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from .opencv_common import SEARCH_RANGE, resolve_range
 from .options import Option, resolve_options
-from .result import Result
+from .result import CONFIDENCE, CONFIDENCE_KINDS, Confidence, Result
 from .search_range import SearchRange
 
 #: Keys of an entry of OPTIONS.
@@ -87,11 +87,26 @@ class PluginMatcher:
             found = self._match(
                 left.copy(), right.copy(), MatchContext(_declared_options(options), least, most, **known)
             )
-            found, facts = found if isinstance(found, tuple) else (found, {})
+            found, facts, *stated = found if isinstance(found, tuple) else (found, {})
             facts = parse_json(json.dumps(dict(facts), allow_nan=False))
         if not self.plugin.built_in:
             facts |= {"plug_in": self.plugin.release}
-        return Result(check_disparity(self.plugin, found, left.shape[:2]), facts=facts)
+        disparity = check_disparity(self.plugin, found, left.shape[:2])
+        confidence = self._read_confidence(*stated) if stated else None
+        return Result(disparity, facts=facts, confidence=confidence)
+
+    def _read_confidence(self, values: object, *more: object) -> Confidence | None:
+        """The third value that ``match`` returned, of the kind that the plug-in states as CONFIDENCE."""
+        kind = getattr(self.loaded, "CONFIDENCE", CONFIDENCE)
+        if more:
+            raise IcyMoonError(
+                f"{self.plugin.title} returned {3 + len(more)} values; return disparity, facts and confidence."
+            )
+        if kind not in CONFIDENCE_KINDS:
+            raise IcyMoonError(
+                f"{self.plugin.title} states CONFIDENCE = {kind!r}; state one of {', '.join(CONFIDENCE_KINDS)}."
+            )
+        return None if values is None else Confidence(values, kind)
 
     def check(self, options: dict[str, Any]) -> None:
         """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot run here."""

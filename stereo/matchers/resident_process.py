@@ -1,10 +1,11 @@
 """A program of the user's that is started once and answers pair after pair, over lines of JSON.
 
 The program, most simply by ``adapters.icymoon_serve``, prints ``{"hello": 1}`` when it is ready. For each pair it reads
-a line ``{"id", "left", "right", "out", "camera", "range"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), the
-camera and the disparities that the rig can see, or null. It writes the disparity to ``out`` as npy, and then prints
-``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"}``. Other output is not a message. Its standard
-input ends when this process ends, however that happens.
+a line ``{"id", "left", "right", "out", "confidence", "camera", "range"}`` with the paths of two npy files (uint8 RGB,
+(H, W, 3)), the camera and the disparities that the rig can see, or null. It writes the disparity to ``out`` as npy, and
+then prints ``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"}``. It may write a confidence to
+``confidence`` as npy; then its answer has ``"confidence"`` with the kind of its numbers, see ``result``. Other output
+is not a message. Its standard input ends when this process ends, however that happens.
 
 If a program dies or does not answer in time, this pair fails and the program is started again for the next one, but
 not after three such failures in a row. The first pair is computed twice, since libraries and GPUs do much of their
@@ -38,8 +39,8 @@ from ...support.printer import show_controls
 from ...support.temporary_folders import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
 from ..measure.metrics import COSTS
-from .result import Result
-from .user_programs import read_array, read_last_line
+from .result import CONFIDENCE_KINDS, Confidence, Result
+from .user_programs import read_array, read_last_line, read_written_array
 
 #: Folder in which a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"
@@ -111,7 +112,7 @@ class _Resident:
             self._ask(left, right, camera, range_px, self._program.start_s + self._program.timeout_s)
             self.facts["first_seconds"] = round(time.monotonic() - begun, 3)
             self._warm = True
-        disparity, answer, waited = self._ask(left, right, camera, range_px, self._program.timeout_s)
+        disparity, confidence, answer, waited = self._ask(left, right, camera, range_px, self._program.timeout_s)
         facts = answer.get("facts")
         stated = (
             {
@@ -129,6 +130,7 @@ class _Resident:
             disparity,
             facts={**self.facts, **stated, **_read_text_entries(answer, "gpu")},
             costs={key: value for key, value in costs.items() if value is not None},
+            confidence=confidence,
         )
 
     def _ask(
@@ -138,10 +140,10 @@ class _Resident:
         camera: StereoCamera | None,
         range_px: Sequence[int] | None,
         limit_s: float,
-    ) -> tuple[Array, dict[str, Any], float]:
-        """Request a pair from the program: the disparity, its answer, and the elapsed seconds."""
+    ) -> tuple[Array, Confidence | None, dict[str, Any], float]:
+        """Request a pair from the program: the disparity, its confidence, its answer, and the elapsed seconds."""
         self._id += 1
-        paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
+        paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out", "confidence")}
         try:
             np.save(paths["left"], left)
             np.save(paths["right"], right)
@@ -158,7 +160,9 @@ class _Resident:
             if answer.get("ok") is not True:
                 reason = " ".join(str(answer.get("error", "neither ok nor an error")).split())
                 raise IcyMoonError(f"{self._program.name} reports {reason[:300]}; correct the program.")
-            return self._read_disparity(paths["out"], left.shape[:2]), answer, waited
+            shape = left.shape[:2]
+            confidence = self._read_confidence(answer.get("confidence"), paths["confidence"], shape)
+            return self._read_disparity(paths["out"], shape), confidence, answer, waited
         finally:
             for path in paths.values():
                 with suppress(OSError):  # the program may have made a folder there; it goes with the others
@@ -219,6 +223,17 @@ class _Resident:
                 f"{self._program.name} wrote a disparity map that cannot be used: "
                 f"{' '.join(str(error).split())[:300].rstrip('.')}."
             ) from None
+
+    def _read_confidence(self, kind: object, path: Path, shape: tuple[int, ...]) -> Confidence | None:
+        """The confidence of the ``kind`` that the answer states; None if it states none."""
+        if kind is None:
+            return None
+        if kind not in CONFIDENCE_KINDS:
+            raise IcyMoonError(
+                f"{self._program.name} answered with the confidence {str(kind)[:40]!r}; answer with one of "
+                f"{', '.join(CONFIDENCE_KINDS)}."
+            )
+        return Confidence(read_written_array(self._program.name, "confidence", path, shape), str(kind))
 
     def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed

@@ -18,7 +18,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .opencv_common import STEPS_PER_PX, drop_matches_outside_right, extend_left, require_room, resolve_range
 from .options import Option
-from .result import Result
+from .result import Confidence, Result
 from .search_range import SearchRange
 from .sgbm import SEARCH_OPTIONS, StripMatcher, make_semi_global_matcher, remove_rounding_bias
 
@@ -56,7 +56,8 @@ def settle(
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where the disparity was filled in."""
+    """Disparity of uint8 (H, W) images; the confidence of OpenCV's filter is 0 where the disparity was filled in. It is
+    also the array ``confidence``, uint8, from 0 to 255."""
     cv2.setNumThreads(1)
     matcher = make_semi_global_matcher("sgbm_wls", options)
     filtering = cv2.ximgproc.createDisparityWLSFilter(matcher)
@@ -77,7 +78,11 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
     disparity = drop_matches_outside_right(smooth[:, extension:] / STEPS_PER_PX)
-    return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
+    return Result(
+        np.where(confidence >= options["min_confidence"], disparity, np.nan),
+        {"confidence": confidence},
+        confidence=Confidence(confidence / 255),
+    )
 
 
 def _match_in_mode(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:

@@ -34,6 +34,20 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
     )
 
 
+def read_written_array(program: str, what: str, path: Path, shape: tuple[int, ...]) -> Array:
+    """The numbers that a ``program`` has written, see ``read_array``. Raises IcyMoonError, naming the program and
+    ``what`` they are, if they are missing or damaged."""
+    try:
+        return read_array(path, shape)
+    except FileNotFoundError:
+        raise IcyMoonError(f"{program} wrote no {what}; write it by numpy.save to the path that it got.") from None
+    except (OSError, ValueError, IcyMoonError) as error:
+        raise IcyMoonError(
+            f"{program} wrote a {what} that cannot be read ({' '.join(str(error).split())[:300].rstrip('.')}); write "
+            "it by numpy.save."
+        ) from None
+
+
 def read_last_line(path: Path) -> str:
     """The last line of a text that a program has written, such as its errors; empty for no text."""
     try:

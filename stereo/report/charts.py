@@ -23,6 +23,7 @@ from ...support.printer import show_lines
 from ..inference.scene_means import average_by_scene
 from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
+from ..measure.confidence_metrics import CALIBRATION_SUMS, LEFT_RIGHT, OWN, RIGHT_PX, SWEEP
 from ..measure.disparity_histograms import ERROR_BOUNDS_PX, FRACTION_BINS
 from ..measure.metrics import ERROR_STEPS_M, KEPT_SHARES
 from .phase_curves import PHASE_DEG
@@ -40,7 +41,7 @@ _MARK_SHAPES = {
     "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z",
 }
 #: The groups of charts in the report.
-CHARTS = ("typical", "front", "errors", "signed", "range", "strata", "phase")
+CHARTS = ("typical", "front", "errors", "confidence", "signed", "range", "strata", "phase")
 _INK_PLACEHOLDER, _LINE_PLACEHOLDER = (
     "#010203",
     "#040506",
@@ -70,6 +71,8 @@ STYLE: dict[Any, Any] = {
 #: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
 METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
+#: The line of each measure of confidence; the page names them.
+MEASURE_DASHES = {OWN: "-", LEFT_RIGHT: "--", SWEEP: "-."}
 #: Most scenes that are drawn as separate dots, and most characters of a method's name in a chart.
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
 #: Colour of an interval of few scenes, what it adds to the title of its chart, and the fewest scenes of a box.
@@ -181,6 +184,7 @@ def draw_charts(
             "typical": _draw_differences(comparisons),
             "front": [*_draw_front(summary), *_draw_spreads(summary, table)],
             "errors": _draw_errors(summary),
+            "confidence": _draw_confidence(summary),
             "signed": _draw_histograms(summary),
             "range": _draw_range(summary),
             "strata": _draw_pixel_classes(summary),
@@ -421,6 +425,39 @@ def _draw_errors(summary: Summary) -> list[str]:
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
         start_at_zero(axis)
+    return found
+
+
+def _draw_confidence(summary: Summary) -> list[str]:
+    """Draw the error against the share of measurements kept, the surest first, and the calibration of confidences."""
+    curves = [
+        (look | {"marker": ""}, measure, values)
+        for _, entry, look in iterate_methods(summary)
+        for measure, values in entry["confidence"].items()
+    ]
+    found: list[str] = []
+    if not curves:
+        return found
+    with add_panel(found, "confidence", "Error against coverage; thin: ideal order") as axis:
+        for line, measure, values in curves:
+            if values["curve"]:
+                axis.plot(100 * np.array(KEPT_SHARES), values["curve"], **line | {"linestyle": MEASURE_DASHES[measure]})
+                axis.plot(100 * np.array(KEPT_SHARES), values["best"], **line | {"label": "_", "linewidth": 0.7})
+        axis.set_xlabel("% of measurements kept, the surest first")
+        axis.set_ylabel("mean disparity error (px)")
+        start_at_zero(axis)
+    with add_panel(found, "confidence", "Calibration") as axis:
+        for line, measure, values in curves:
+            n, right, stated = (np.array(values["calibration"][key]) for key in CALIBRATION_SUMS)
+            known = n >= _FEWEST_CLASS_PX
+            axis.plot(
+                (100 * stated / np.maximum(n, 1))[known],
+                (100 * right / np.maximum(n, 1))[known],
+                **line | {"linestyle": MEASURE_DASHES[measure]},
+            )
+        axis.plot([0, 100], [0, 100], color=_INK_PLACEHOLDER, linewidth=0.8)
+        axis.set_xlabel("% stated, mean of a fifteenth of the scale")
+        _set_percent_axis(axis, f"% within {RIGHT_PX:g} px")
     return found
 
 

@@ -27,6 +27,7 @@ from ..measure.row_metrics import REGION_METRICS, REGIONS
 from .by_setting import SCENE_SWEEP, VariedSetting
 from .charts import draw_charts, list_method_keys
 from .conditions import Condition
+from .confidence_table import CONFIDENCE_COLUMNS, list_confidence_rows
 from .page_templates import read_template
 from .phase_curves import compute_phase_curves
 from .pictures import (
@@ -49,6 +50,7 @@ from .table_columns import (
     SUMMARY_COLUMNS,
     TOTAL_COLUMNS,
     format_interval,
+    format_mean,
     format_number,
     format_plugin,
     make_plugin_columns,
@@ -59,7 +61,7 @@ MOST_PAIRS = 24
 #: Most scenes that the head of the report names.
 _MOST_SCENES = 8
 _TEMPLATE_FOLDER = Path(__file__).parent
-#: Number of pictures of a pair, and of each method on it.
+#: Number of pictures of a pair, and of each method on it besides its confidence.
 _PICTURES_PER_PAIR, _PICTURES_PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
 _PAGED_COLUMNS = (
@@ -126,8 +128,11 @@ def write_report(
         format_number=format_number,
         format_interval=format_interval,
         guiss=GUISS_COLUMNS if guiss else (),
+        confidence=list_confidence_rows(report["summary"]),
+        confidence_columns=CONFIDENCE_COLUMNS,
         plugin_columns=make_plugin_columns(report["plug_ins"]),
         format_plugin=format_plugin,
+        format_mean=format_mean,
         charts=draw_charts(report["summary"], table, compute_phase_curves(report["pairs"]), report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
@@ -136,6 +141,7 @@ def write_report(
         warned=count_sentences(report["pairs"], "warnings"),
         told=count_sentences(report["pairs"], "notes"),
         error_bar=_describe_colour_bar(colours.ERROR_SCALE),
+        confidence_bar=_describe_colour_bar(colours.CONFIDENCE_SCALE),
         invalid=colours.INVALID_GREY,
         sky=colours.SKY_GREY,
         matrix=make_picture_matrix(typical, table, facts_of, report["rows"], out),
@@ -171,7 +177,8 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
     average are the worst of all.
     """
     room = MOST_PICTURES - MOST_IN_MATRIX
-    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + _PICTURES_PER_METHOD * len(table.methods))))
+    per_method = _PICTURES_PER_METHOD + table.confidence.is_known()
+    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + per_method * len(table.methods))))
     if len(names) <= most:
         return list(names)
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
@@ -271,7 +278,7 @@ def _make_pair_section(
                 "outcomes": colours.make_outcome_legend(row["counts"]),
                 **{
                     kind: embed_picture(out / row["images"][kind], height)
-                    for kind in ("depth", "error", "flags")
+                    for kind in ("depth", "error", "confidence", "flags")
                     if kind in row["images"]
                 },
             }

@@ -11,6 +11,7 @@ from typing import Any, NotRequired, TypedDict
 
 from ...support.file_schemas import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape
 from ..measure import common_pixels
+from ..measure.confidence_metrics import CALIBRATION_SUMS, CONFIDENCE_METRICS
 from ..measure.row_metrics import NUMBERS
 from .notes import BAKED, NOISE, SEARCH
 from .row_log import Row
@@ -87,10 +88,22 @@ ROW: dict[str, Shape] = {
     "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _NUMBER_OR_NULL)}, TEXT),
     "plug_ins": Maybe(Each(_NUMBER_OR_NULL, TEXT)),
     "plug_in_faults": Maybe(Each(TEXT, TEXT)),
+    # By measure of confidence: its metrics, its curves, and its calibration. Absent where there is no confidence.
+    "confidence": Maybe(Each(dict.fromkeys(CONFIDENCE_METRICS, _NUMBER_OR_NULL), TEXT)),
+    "confidence_curves": Maybe(
+        Each(
+            {
+                "curve": Each(NUMBER),
+                "best": Each(NUMBER),
+                "calibration": dict.fromkeys(CALIBRATION_SUMS, Each(NUMBER)),
+            },
+            TEXT,
+        )
+    ),
     **dict.fromkeys(NUMBERS, _NUMBER_OR_NULL),
 }
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
-LONG = ("strata", "sparsification", "histograms", "common")
+LONG = ("strata", "sparsification", "histograms", "common", "confidence_curves")
 #: Shape of the facts of a pair (see ``prepare``): the entries that are read again.
 FACTS: dict[str, Shape] = {
     "pair": TEXT,

@@ -15,6 +15,7 @@ from ..inference.typical_scene import compare_in_typical_scene, find_rank_ranges
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD_RATES, ERROR_QUANTILES, ERROR_STEPS_M, KEPT_SHARES, L1_RATES
 from ..measure.row_metrics import NUMBERS, REGION_METRICS
+from .confidence_table import ConfidenceTable, average_with_interval
 from .schema import Comparison
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
@@ -78,6 +79,7 @@ class ResultTable:
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
         self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
+        self.confidence = ConfidenceTable(len(methods), len(pairs))
         self.plugins: dict[str, Array] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
         self.histograms: list[disparity_histograms.Histograms | None] = [None] * len(methods)
@@ -101,6 +103,7 @@ class ResultTable:
             return
         self.counts[method, pair] = True
         self.values[method, pair] = [np.nan if row[key] is None else row[key] for key in NUMBERS]
+        self.confidence.add(method, pair, row)
         for name, value in row.get("plug_ins", {}).items():
             column = self.plugins.setdefault(name, np.full((len(self.methods), len(self.pairs)), np.nan))
             column[method, pair] = np.nan if value is None else value
@@ -157,7 +160,8 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     ``scene_means``), ``scenes`` is the number of scenes behind them. ``pooled_*`` are means over the pixels of all
     pairs. ``pairs`` is the number of pairs that count; ``failed`` and ``suspect`` count the others. ``strata``
     contains, per factor, the ``classes`` and, per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs,
-    ``histograms`` those of ``disparity_histograms``. A quantile over all true pixels is infinite in a pair with too few
+    ``histograms`` those of ``disparity_histograms``; for ``confidence`` see ``ConfidenceTable.summarise``.
+    A quantile over all true pixels is infinite in a pair with too few
     measured ones; its mean is then null.
     """
     counted = table.counts[method]
@@ -188,9 +192,10 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
     result["histograms"] = table.histograms[method] or {}
     result["plug_ins"] = {
-        name: _find_mean_with_interval(numbers[method][counted], table.scenes[counted])
+        name: average_with_interval(numbers[method][counted], table.scenes[counted])
         for name, numbers in table.plugins.items()
     }
+    result["confidence"] = table.confidence.summarise(method, counted, table.scenes)
     result["strata"] = {
         factor.key: {"classes": list(factor.classes), **sums}
         for factor in by_pixel_class.FACTORS
@@ -276,16 +281,6 @@ def _average_columns(columns: Array) -> Array:
     count = known.sum(axis=0)
     total = np.where(known, columns, 0.0).sum(axis=0)
     return np.divide(total, count, out=np.full(columns.shape[1], np.nan), where=count > 0)
-
-
-def _find_mean_with_interval(numbers: Array, scenes: Array) -> dict[str, Any]:
-    """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
-    low, high = find_mean_intervals(numbers[:, None], scenes, np.array([False]))[0]
-    return {
-        "mean": _none_if_not_finite(_average_columns(numbers[:, None])[0]),
-        "pairs": int((~np.isnan(numbers)).sum()),
-        "interval": [float(low), float(high)] if np.isfinite(low) else None,
-    }
 
 
 def _none_if_not_finite(value: float) -> float | None:

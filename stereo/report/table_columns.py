@@ -111,7 +111,12 @@ def make_plugin_columns(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:
 
 def format_plugin(entry: Mapping[str, Any], column: Column) -> str:
     """The mean of a plug-in's metric in the summary of a method; a dash if it is undefined."""
-    return _format_value(entry["plug_ins"].get(column.key, {}).get("mean"), column)
+    return format_mean(entry["plug_ins"], column)
+
+
+def format_mean(means: Mapping[str, Any], column: Column) -> str:
+    """The ``mean`` of a column in a table of means with intervals; a dash if it is undefined."""
+    return _format_value(means.get(column.key, {}).get("mean"), column)
 
 
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,6 +19,7 @@ from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
 from ..measure import common_pixels
+from ..measure.confidence_metrics import list_confidence_columns, list_confidence_numbers
 from ..measure.metrics import ERROR_STEPS_M, KEPT_SHARES
 from ..measure.plug_in import load_plugin_metrics
 from ..measure.row_metrics import NUMBERS, REGIONS
@@ -119,7 +120,8 @@ def _fill(
 def _write_files(out: Path, report: Report, shown: list[Row]) -> None:
     """Write all files but the page; ``shown`` are the rows of the pairs that the page shows."""
     metrics = [metric["name"] for metric in report["plug_ins"]]
-    write_atomically(out / "results.csv", lambda part: _write_csv(part, report["rows"], metrics))
+    measures = {measure for entry in report["summary"] for measure in entry["confidence"]}
+    write_atomically(out / "results.csv", lambda part: _write_csv(part, report["rows"], metrics, measures))
     write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, report["comparisons"]))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report, report["pairs"]))
     few = {key: value for key, value in report.items() if key not in _LONG_ENTRIES}
@@ -151,19 +153,23 @@ def _shorten_row(row: Row) -> Row:
     return {key: value for key, value in row.items() if key not in LONG}
 
 
-def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
-    """Write all rows as CSV with a header line, the ``metrics`` of plug-ins after ours; undefined numbers are empty."""
+def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str], measures: Collection[str]) -> None:
+    """Write all rows as CSV with a header line, the ``metrics`` of plug-ins and of the ``measures`` of confidence after
+    ours; undefined numbers are empty."""
+    stated = list_confidence_columns(measures)
     with part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(
             stream,
-            ("pair", "method", "status", *NUMBERS, *metrics, "error"),
+            ("pair", "method", "status", *NUMBERS, *metrics, *stated, "error"),
             extrasaction="ignore",
             lineterminator="\n",
         )
         writer.writeheader()
         texts = ("pair", "method", "error")
         writer.writerows(
-            {**row.get("plug_ins", {}), **row, **{key: escape_cell(row[key]) for key in texts}} for row in rows
+            {**row.get("plug_ins", {}), **list_confidence_numbers(row), **row}
+            | {key: escape_cell(row[key]) for key in texts}
+            for row in rows
         )
 
 

@@ -39,6 +39,7 @@ from ..images.lens import make_lens
 from ..images.masks import erode
 from ..images.views import read_eye
 from ..matchers import match
+from ..matchers.black_box_confidence import match_right_image
 from ..matchers.methods import Method
 from ..matchers.search_range import AUTO, SearchRange, find_rig_range, find_true_range
 from ..measure.by_pixel_class import TEXTURE_WINDOW_PX, measure_texture
@@ -318,10 +319,13 @@ def measure_matcher(
     and count pixels whose true place is in the right image; which ones are hidden there no photograph tells.
     """
     ranges = {AUTO: search}
-    disparity, valid, _ = match(method.name, left, right, method.options, camera, ranges)
-    mirrored, _, _ = match(method.name, right[:, ::-1].copy(), left[:, ::-1].copy(), method.options, camera, ranges)
-    measured = valid & seen
-    agrees = find_consistent(disparity, mirrored[:, ::-1]) & measured
+
+    def run(left: Array, right: Array, camera: StereoCamera | None) -> Array:
+        return match(method.name, left, right, method.options, camera, ranges)[0]
+
+    disparity = run(left, right, camera)
+    measured = np.isfinite(disparity) & seen
+    agrees = find_consistent(disparity, match_right_image(run, left, right, camera)) & measured
     numbers = {
         "coverage": float(measured.sum() / max(seen.sum(), 1)),
         "consistent": float(agrees.sum() / measured.sum()) if measured.any() else float("nan"),

@@ -204,12 +204,14 @@ def test_a_function_is_measured_beside_our_matchers(pair, tmp_path, undrawn):
 
     def perfect(left, right, max_disparity_px, camera):
         asked.append((left.dtype, max_disparity_px, camera.focal_px))
-        return truth
+        return truth, np.ones(truth.shape)
 
     found = icymoon.evaluate([pair], ["bm:window=9", perfect], tmp_path / "evaluation")
     assert set(found.summary) == {"bm:window=9", "perfect"}
     assert found.summary["perfect"]["epe_px"] == pytest.approx(0.0, abs=1e-4)  # written as single precision
     assert found.summary["perfect"]["coverage"] == 1.0
+    assert found.summary["perfect"]["own_ece"] == 0.0
+    assert "own_ece" not in found.summary["bm:window=9"]
     assert asked[0][0] == np.uint8
     assert asked[0][2] == pair.camera.focal_px
     assert found.report.is_file()

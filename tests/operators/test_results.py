@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import webbrowser
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -213,6 +214,19 @@ def test_the_response_that_was_measured_with_is_the_reports_own(scene, tmp_path)
     assert "Gain" in results.list_notes(scene)[1]
     scene.icymoon.sensor.gain = 3.0
     assert len(results.list_notes(scene)) == 1
+
+
+def test_confidence_stands_behind_errors_in_the_list_of_images(scene, tmp_path, monkeypatch):
+    evaluated(scene, tmp_path, shown=[{"method": "bm", "images": {"error": "e.png", "confidence": "c.png"}}])
+    paths = [tmp_path / "evaluation_scene" / name for name in ("e.png", "c.png")]
+    for path in paths:
+        path.write_text("x")
+    asked = []
+    monkeypatch.setattr(results, "show_images", lambda context, *rest: asked.append(rest) or True)
+    assert results.show_error_image(SimpleNamespace(scene=scene), False)
+    ((shown, _, names),) = asked
+    assert shown == paths
+    assert names == {paths[0]: "Error of StereoBM", paths[1]: "Confidence of StereoBM"}
 
 
 def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, tmp_path):

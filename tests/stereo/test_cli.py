@@ -17,6 +17,7 @@ import pytest
 from icymoon.stereo import cli
 from icymoon.stereo.measure.guiss_reference_code import compute_reference_metrics
 from icymoon.stereo.report.table_columns import RANKING_METRIC, SUMMARY_COLUMNS
+from icymoon.support.errors import IcyMoonError
 
 ROOT = Path(icymoon.__file__).parent
 BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
@@ -206,6 +207,15 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert (report["format"], report["version"]) == ("icymoon-report", 4)
     assert report["shared_settings"]["sensor"]["bits"] == 12
     assert report["rows"][0]["options"]["window"] == 21
+
+
+def test_measures_of_confidence_are_named_in_any_order():
+    assert cli._read_confidence_measures("sweep, own") == ["own", "sweep"]
+    assert cli._read_confidence_measures("left-right") == ["left_right"]
+    assert cli._read_confidence_measures("none") == []
+    for text, words in (("left_right", "did you mean 'left-right'"), ("own,none", "none stands alone")):
+        with pytest.raises(IcyMoonError, match=words):
+            cli._read_confidence_measures(text)
 
 
 def test_evaluate_with_a_broken_pair_does_the_rest_and_fails(tmp_path):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pairs
 import pytest
 import workspaces
 from icymoon.formats import geotiff
+from icymoon.stereo import decide
 from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
 from icymoon.stereo.decisions import workspace
@@ -53,6 +56,24 @@ def write_state(folder, state, lowered_m, seed=None):
 
 def run(paths, out, methods="bm", **options):
     return decide_pairs(paths, parse_methods(methods), out, read_rules(), **options)
+
+
+def test_measurements_below_the_limit_of_confidence_are_not_used(monkeypatch):
+    camera, confidence = pairs.camera(4, 2), np.array([[0.0, 0.4, 0.5, 1.0]] * 2)
+    one = np.ones((2, 4))
+    prepared = SimpleNamespace(visible=one > 0, truth=one, pair=SimpleNamespace(camera=camera), depth_camera=camera)
+    stub: Any = SimpleNamespace(prepared=prepared)
+    (method,) = parse_methods("jplv")
+
+    def find_depth(limit, stated):
+        info = {"confidence": stated, "seconds": 1.0}
+        monkeypatch.setattr(decide, "match_prepared", lambda *_: (8 * one, info))
+        return decide._match_depth(stub, method, limit)[0]
+
+    np.testing.assert_array_equal(np.isfinite(find_depth(0.5, confidence)), confidence >= 0.5)
+    assert np.isfinite(find_depth(0.0, None)).all()
+    with pytest.raises(IcyMoonError, match=r"JPLV states no confidence, of which at least 0\.5 is asked; leave out"):
+        find_depth(0.5, None)
 
 
 def test_the_true_depth_finds_the_true_heights_and_takes_nothing_unsafe(dataset, tmp_path):

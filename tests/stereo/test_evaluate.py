@@ -401,7 +401,7 @@ def test_other_arrays_and_facts_of_a_method_are_kept(tmp_path):
     )
     jplv, external = report["rows"]
     with np.load(tmp_path / "out" / jplv["images"]["disparity"]) as stored:
-        assert {"disparity", "jpl_disparity", "flags", "focal_baseline_px_m"} == set(stored.files)
+        assert {"disparity", "confidence", "jpl_disparity", "flags", "focal_baseline_px_m"} == set(stored.files)
         assert (stored["flags"] == 0).sum() == jplv["counts"]["ACCEPT"] == jplv["n"]
     assert sum(jplv["counts"].values()) == 160 * 90
     assert external["counts"] == {}

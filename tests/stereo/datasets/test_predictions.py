@@ -1,5 +1,6 @@
 """Disparities computed elsewhere, evaluated as methods of their own."""
 
+import csv
 import json
 import subprocess
 import sys
@@ -9,10 +10,12 @@ import numpy as np
 import OpenEXR
 import pairs
 import pytest
+from icymoon.stereo.datasets import predictions
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export_for_prediction import export_for_prediction
+from icymoon.stereo.images.disparity_files import read_confidence
 from icymoon.stereo.images.image_files import read_png
-from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
@@ -97,6 +100,63 @@ def test_predictions_stand_beside_matchers_and_are_read_again_when_they_change(d
     assert "has no disparity of the pair one; add one.pfm" in third["one", "net"]["error"]
     assert third["two", "net"]["status"] == "ok"
     assert len([event for event in told if event["type"] == "error"]) == 1
+
+
+def test_a_confidence_beside_a_prediction_is_measured_and_read_again_when_it_changes(dataset, truth, tmp_path):
+    """The left half is wrong by 3 px, and known to be. A matcher beside it is run again for a confidence."""
+    folder = tmp_path / "p"
+    folder.mkdir()
+    half = np.arange(truth.shape[1]) < truth.shape[1] // 2
+    for name in ("one", "two"):
+        np.save(folder / f"{name}.npy", truth + 3 * half)
+
+    def run():
+        report = evaluate(
+            [dataset],
+            parse_methods("bm"),
+            tmp_path / "out",
+            predictions=[f"net={folder}"],
+            confidence=("own", "left_right"),
+        )
+        return {(row["pair"], row["method"]): row for row in report["rows"]}, report["summary"]
+
+    np.save(folder / "one_confidence.npy", np.where(half, 0.0, np.ones_like(truth)))
+    rows, (beside, summary) = run()
+    assert "confidence" not in rows["two", "net"]
+    assert list(rows["two", "bm"]["confidence"]) == list(beside["confidence"]) == ["left_right"]
+    found, means = rows["one", "net"]["confidence"]["own"], summary["confidence"]
+    assert found["ause"] == pytest.approx(0, abs=1e-6)  # of disparities in single precision
+    assert found["ece"] == 0.0
+    assert found["coverage_at_bad_2"] == pytest.approx(1 - (half & np.isfinite(truth)).sum() / np.isfinite(truth).sum())
+    assert means["own"]["ause"]["pairs"] == 1
+    assert sum(means["own"]["calibration"]["n"]) == np.isfinite(truth).sum()
+    other, one, _, two = csv.DictReader((tmp_path / "out" / "results.csv").read_text().splitlines())
+    assert (other["own_ece"], float(one["own_ece"]), two["own_ece"]) == ("", 0.0, "")
+    assert float(other["left_right_ece"]) == rows["one", "bm"]["confidence"]["left_right"]["ece"]
+    stored = read_confidence(tmp_path / "out" / rows["one", "net"]["images"]["disparity"], truth.shape)
+    np.testing.assert_array_equal(stored, ~half & np.isfinite(truth))
+    picture = read_png(tmp_path / "out" / rows["one", "net"]["images"]["confidence"])[: len(truth)]
+    sure, unsure = picture[-1, -1].astype(int), picture[-1, 0].astype(int)
+    assert unsure.sum() > sure.sum() + 300  # bright is unsure
+    assert "confidence" not in rows["two", "net"]["images"]
+    (folder / "one_confidence.npy").unlink()
+    np.save(folder / "one_error_px.npy", np.where(half, 3.0, np.zeros_like(truth)))
+    again, _ = run()
+    assert (again["two", "net"], again["one", "bm"]) == (rows["two", "net"], rows["one", "bm"])
+    stated = again["one", "net"]["confidence"]["own"]
+    assert stated["ece"] == pytest.approx(np.exp(-3) * (1 - found["coverage_at_bad_2"]), rel=1e-5)
+    np.save(folder / "one_confidence.npy", truth)
+    with pytest.raises(IcyMoonError, match=r"one_confidence\.npy and one_error_px\.npy of the pair one; keep one"):
+        predictions.find_confidence(Method("net", predictions.PREDICTION, {"folder": str(folder)}), "one")
+
+
+def test_png_files_of_a_confidence_have_their_largest_number_for_1(tmp_path):
+    measured = np.ones((2, 3), bool)
+    for dtype in (np.uint8, np.uint16):
+        most = np.iinfo(dtype).max
+        path = tmp_path / f"{most}.png"
+        foreign.write_image(path, np.array([[0, most, most // 5]] * 2, dtype))
+        assert predictions._read_confidence(path, "confidence", measured)[0].tolist() == pytest.approx([0, 1, 0.2])
 
 
 def test_methods_are_compared_with_the_principal_points_of_the_data(tmp_path):

@@ -5,8 +5,28 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from icymoon.stereo.images.colours import ERROR_SCALE, MAGMA, VIRIDIS, Scale, draw_colour_bar, draw_outcomes
+from icymoon.stereo.images.colours import (
+    CONFIDENCE_SCALE,
+    ERROR_SCALE,
+    INVALID_GREY,
+    MAGMA,
+    VIRIDIS,
+    Scale,
+    draw_colour_bar,
+    draw_confidence,
+    draw_outcomes,
+)
 from icymoon.stereo.images.lettering import draw_text, measure_text_width_px, put_text
+
+
+def test_a_confidence_has_the_colour_of_its_expected_error():
+    """Confidence 0 and 1 are the ends, and a pixel without a measurement is grey."""
+    error_px = np.array([[0.1, 1.0, 0.0, 1e9, 0.5]])
+    with np.errstate(all="raise", under="ignore"):
+        drawn = draw_confidence(np.exp(-error_px), np.array([[True, True, True, True, False]]))
+    ends = CONFIDENCE_SCALE.low, CONFIDENCE_SCALE.high
+    np.testing.assert_array_equal(drawn[:, :4], CONFIDENCE_SCALE.colours(np.array([[0.1, 1.0, *ends]])))
+    assert (drawn[0, 4] == INVALID_GREY).all()
 
 
 @pytest.mark.parametrize(("colormap", "reference"), [(VIRIDIS, cv2.COLORMAP_VIRIDIS), (MAGMA, cv2.COLORMAP_MAGMA)])

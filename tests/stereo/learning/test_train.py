@@ -153,6 +153,7 @@ def test_the_matcher_takes_trained_weights_and_the_range_of_the_pair(tmp_path):
     assert found.shape == left.shape
     assert valid.any()
     assert info["facts"]["checkpoint_sha256"]
+    assert 0 < info["confidence"][valid].min() < info["confidence"].max() < 1
     # The same ground seen with a rig whose disparities are 16 px larger.
     moved = np.roll(right, -16, axis=1)
     shifted = match("icynet", left, moved, options | {"disparities": 32, "min_disparity": 16})[0]

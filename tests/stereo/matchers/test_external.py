@@ -51,10 +51,12 @@ def test_each_kind_of_file_is_read(kind, tmp_path):
 
 
 def test_what_is_no_positive_number_is_no_measurement(tmp_path):
-    body = "v = np.ones((20, 30)); v[0, :5] = 0, -1, np.nan, np.inf, -np.inf\nnp.save(out, v)"
-    disparity, valid, _ = run(tmp_path, body)
+    """Nor is its expected error looked at."""
+    body = "v = np.ones((20, 30)); v[0, :5] = 0, -1, np.nan, np.inf, -np.inf\nnp.save(out, v); np.save(rest[0], v)"
+    disparity, valid, info = run(tmp_path, body, f"{FIELDS} {{error_px}}")
     assert valid.sum() == 595
     assert not valid[0, :5].any()
+    np.testing.assert_allclose(info["confidence"], np.where(valid, np.exp(-1), 0), rtol=1e-6)
     body = "import cv2; v = np.full((20, 30), 512, np.uint16); v[0, :5] = 0; cv2.imwrite(out, v)"
     disparity, valid, _ = run(tmp_path, body, format="png", png_scale=128)
     assert valid.sum() == 595

@@ -64,11 +64,16 @@ def test_images_of_any_size_are_padded_and_not_resized(tmp_path):
 
 
 def test_a_fixed_size_scales_the_disparities_by_the_widths(tmp_path):
+    """And an expected error: here it is the disparity itself."""
     path = onnx_networks.write_network(tmp_path / "net.onnx", size=(48, 64))
-    disparity, facts = found(path, (96, 128), shift=10)
+    left, right = shifted(96, 128, 10)
+    options = {"model": str(path), "confidence": 0, "confidence_is": "error_px"}
+    whole, _, info = match("onnx", left, right, options)
+    np.testing.assert_allclose(info["confidence"], np.exp(-whole), rtol=1e-5)
+    disparity = whole[8:-8, 24:-8]
     assert np.abs(np.median(disparity) - 10) < 0.1
     assert np.median(np.abs(disparity - 10)) < 0.2
-    assert (facts["input_height"], facts["input_width"]) == (48, 64)
+    assert (info["facts"]["input_height"], info["facts"]["input_width"]) == (48, 64)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +138,7 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
         ({"names": ("a", "b"), "swapped": True}, {}, "its inputs seem to be exchanged: give onnx.swap=yes"),
         ({}, {"swap": "yes"}, "its inputs seem to be exchanged: give onnx.swap=no"),
         ({"second": True}, {}, "outputs are confidence 1x1x1x1, disparity 1x1xohxow; choose the one"),
+        ({}, {"confidence": 3}, "onnx.confidence is 3, .* the one with the confidence of the whole image"),
         ({}, {"output": 3}, "onnx.output is 3, and the network's outputs are disparity"),
         ({"half": True}, {}, "of the whole image, 384 x 256 px"),
         ({"channels": 2}, {}, "input left 1x2xhxw, which is not a batch of one image or of both"),

@@ -35,6 +35,8 @@ def disparity(left, right, camera):
     if do == 0: return np.arange(600).reshape(20, 30) / 16 + 1
     if do == 1: return np.stack([right[..., 0] + camera.focal_px, *[good] * 0])
     if do == 2: good[0, 0] = os.getpid(); good[0, 1] = len(calls); return good[None, ..., None]
+    if do == 10: return good, good / 10
+    if do == 11: return good, good
     if do == 9: good[0, :2] = camera.range_px or (0, 0); return good
     if do == 3: return good[:, 1:]
     if do == 4: return good * np.nan
@@ -48,7 +50,7 @@ def disparity(left, right, camera):
     if do == 23: sys.exit("gone")
 serve(disparity, "net", lambda: {"size": "small"})
 """
-GOOD, SEEN, COUNT, KILLED, DIES, HANGS = 0, 1, 2, 20, 21, 22
+GOOD, SEEN, COUNT, SURE, TOO_SURE, KILLED, DIES, HANGS = 0, 1, 2, 10, 11, 20, 21, 22
 
 
 @pytest.fixture(autouse=True)
@@ -85,6 +87,10 @@ def test_one_process_answers_all_pairs_and_what_it_prints_is_no_answer(tmp_path)
     pid, calls = ask(text, COUNT)[0][0, :2]
     assert calls == 3  # the first pair was computed twice
     assert tuple(ask(text, COUNT)[0][0, :2]) == (pid, 4)
+    assert info["confidence"] is None
+    assert (ask(text, SURE)[2]["confidence"] == 0.5).all()
+    with pytest.raises(IcyMoonError, match="resident states confidences from 5 to 5"):
+        ask(text, TOO_SURE)
     assert info["facts"]["name"] == "net"
     assert info["facts"]["size"] == "small"
     assert info["facts"]["first_seconds"] >= info["wall_seconds"] > 0
