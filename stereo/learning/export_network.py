@@ -10,12 +10,9 @@ import torch
 from torch import Tensor, nn
 
 from ...support.errors import IcyMoonError
-from ..networks.icynet import MULTIPLE, IcyNet
+from ..networks.icynet import IcyNet
+from ..networks.icynet_file import INPUTS, MULTIPLE, OUTPUTS
 
-#: Names of the inputs: images (1, 1, H, W) from 0 to 1 with sides that are multiples of 16, and levels 0 to D - 1.
-INPUTS = ("left", "right", "levels")
-#: Names of the outputs (1, H, W): disparity in px, confidence from 0 to 1.
-OUTPUTS = ("disparity", "confidence")
 _OPSET = 18
 
 

@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812, its usual name
 
+from ..networks.icynet_file import LEVEL_PX
 from .trainable import Found
 
-#: Pixels of disparity between the levels of the costs, and the network's grid of costs.
-LEVEL_PX = 4
 #: Weights of the parts: cross-entropy of the costs, and confidence.
 _COST_WEIGHT, _CONFIDENCE_WEIGHT = 0.5, 0.3
 #: Errors in px from which on the pull of a pixel falls: beyond them a pixel rather shows nothing to match.

@@ -1,25 +1,31 @@
 """icynet, a small network that `python -m icymoon.stereo train` trains on made pairs; see ``networks.icynet``.
 
-It takes grey images of any size and searches the pair's own range.
+It takes grey images of any size and searches the pair's own range. Weights are a file of safetensors, for PyTorch, or
+ONNX, for ONNX Runtime; both give the same numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...support.arrays import Array
-from . import network_matchers
+from ...support.errors import IcyMoonError
+from ..networks.icynet_file import INPUTS, MULTIPLE, OUTPUTS, count_levels
+from . import network_matchers, onnx
 from .plug_in import MatchContext
 from .result import LOGIT
 
 if TYPE_CHECKING:
+    import onnxruntime
     from torch import nn
 
 TITLE = "icynet"
-NEEDS = "PyTorch and trained weights"
+NEEDS = "trained weights, and PyTorch or, for weights.onnx, ONNX Runtime"
 SET_UP = (6, "checkpoint", "icynet", "The network icynet with weights that you have trained")
 
 OPTIONS = network_matchers.OPTIONS
@@ -44,12 +50,18 @@ NETWORK = network_matchers.Network(
 
 def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
-    network_matchers.check(NETWORK, options)
+    if not _is_onnx(options):
+        network_matchers.check(NETWORK, options)
+        return
+    onnx.require_runtime("icynet")
+    path = network_matchers.find_checkpoint(NETWORK, options)
+    if not path.is_file():
+        raise IcyMoonError(f"icynet.checkpoint names {path}, which is not a file; correct it.")
 
 
 def load(options: Mapping[str, Any]) -> None:
     """Read the weights once for all runs with the same options."""
-    network_matchers.load(NETWORK, options)
+    _load_session(options) if _is_onnx(options) else network_matchers.load(NETWORK, options)
 
 
 #: What the third value that ``match`` returns states, see ``result``.
@@ -58,24 +70,54 @@ CONFIDENCE = LOGIT
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any], Array]:
     """Disparity of uint8 grey (H, W) images, everywhere, facts on the network, and the logit of a confidence."""
-    from torch.nn import functional as F  # noqa: N812, its usual name
-
-    from ..networks.icynet import MULTIPLE
-
-    model, facts = network_matchers.load(NETWORK, context.options)
-    device = next(model.parameters()).device
     height, width = left.shape
     # The network searches from 0 on, so the right image moves by the least disparity.
     place = np.clip(np.arange(width) - context.least_px, 0, width - 1)
-    model.range_px = context.most_px - context.least_px + 1
+    margins = (0, -height % MULTIPLE), (0, -width % MULTIPLE)
+    eyes = [np.pad(image / np.float32(255), margins, mode="edge")[None, None] for image in (left, right[:, place])]
+    run = _run_onnx if _is_onnx(context.options) else _run_torch
+    found, facts = run(context.options, eyes, context.most_px - context.least_px + 1)
+    disparity, logit = (each[0, :height, :width] for each in found)
+    return disparity + np.float32(context.least_px), facts, logit
+
+
+def _run_torch(options: Mapping[str, Any], eyes: list[Array], range_px: int) -> tuple[list[Array], dict[str, Any]]:
+    import torch
+
+    model, facts = network_matchers.load(NETWORK, options)
+    model.range_px = range_px
+    device = next(model.parameters()).device
     with network_matchers.guard_inference("icynet"):
-        eyes = (
-            F.pad(
-                network_matchers.to_batch(image[..., None] / 255.0, device),
-                (0, -width % MULTIPLE, 0, -height % MULTIPLE),
-                mode="replicate",
-            )
-            for image in (left, right[:, place])
-        )
-        disparity, logit = (each[0, :height, :width].cpu().numpy() for each in model(*eyes))
-        return disparity + np.float32(context.least_px), facts, logit
+        return [each.cpu().numpy() for each in model(*(torch.from_numpy(eye).to(device) for eye in eyes))], facts
+
+
+def _is_onnx(options: Mapping[str, Any]) -> bool:
+    return network_matchers.find_checkpoint(NETWORK, options).suffix == ".onnx"
+
+
+def _run_onnx(options: Mapping[str, Any], eyes: list[Array], range_px: int) -> tuple[list[Array], dict[str, Any]]:
+    session, facts = _load_session(options)
+    given = dict(zip(INPUTS, [*eyes, np.arange(count_levels(range_px))], strict=True))
+    try:
+        return list(session.run(list(OUTPUTS), given)), facts
+    except Exception as error:  # its errors have no common base
+        raise IcyMoonError(f"icynet failed in ONNX Runtime ({onnx.find_first_line(error)}).") from None
+
+
+def _load_session(options: Mapping[str, Any]) -> tuple[onnxruntime.InferenceSession, dict[str, Any]]:
+    path = network_matchers.find_checkpoint(NETWORK, options)
+    check(options)
+    state = path.stat()
+    return _open_session(path, (state.st_mtime_ns, state.st_size), options["device"], options["threads"])
+
+
+@lru_cache(maxsize=2)
+def _open_session(
+    path: Path, changed: tuple[int, int], device: str, threads: int
+) -> tuple[onnxruntime.InferenceSession, dict[str, Any]]:
+    """A session and its facts; ``changed`` identifies the version of the file."""
+    session, facts = onnx.open_session("icynet", path, device, threads)
+    names = (tuple(each.name for each in declared) for declared in (session.get_inputs(), session.get_outputs()))
+    if tuple(names) != (INPUTS, OUTPUTS):
+        raise IcyMoonError(f"{path} is not icynet's network; give weights.onnx of `icymoon.stereo train`.")
+    return session, facts

@@ -152,8 +152,13 @@ def check(options: dict[str, Any]) -> None:
     path = _find_model_path(options)
     if not path.is_file():
         raise IcyMoonError(f"onnx.model names {path}, which is not a file; correct it.")
+    require_runtime("onnx")
+
+
+def require_runtime(method: str) -> None:
+    """Raise IcyMoonError without ONNX Runtime, which ``method`` needs."""
     if importlib.util.find_spec("onnxruntime") is None:
-        raise IcyMoonError(f'onnx needs ONNX Runtime, which this Python lacks; run: pip install "{REQUIREMENT}"')
+        raise IcyMoonError(f'{method} needs ONNX Runtime, which this Python lacks; run: pip install "{REQUIREMENT}"')
 
 
 def load(options: dict[str, Any]) -> None:
@@ -192,39 +197,45 @@ def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int,
     return network
 
 
-def _open_network(options: dict[str, Any]) -> _Network:
+def open_session(
+    method: str, path: Path, device: str, threads: int
+) -> tuple[onnxruntime.InferenceSession, dict[str, Any]]:
+    """A network file that is ready to run, and facts for the provenance. ``device`` is auto, cpu or cuda.
+
+    Raises IcyMoonError if there is no such device or the file cannot be read.
+    """
     import onnxruntime
 
-    path = _find_model_path(options)
     there = onnxruntime.get_available_providers()
-    if options["device"] == "cuda" and "CUDAExecutionProvider" not in there:
+    if device == "cuda" and "CUDAExecutionProvider" not in there:
         raise IcyMoonError(
-            "onnx.device is cuda, but this ONNX Runtime runs on the processor only; install "
+            f"{method}.device is cuda, but this ONNX Runtime runs on the processor only; install "
             "onnxruntime-gpu instead of onnxruntime, or use cpu."
         )
     providers = ["CPUExecutionProvider"]
-    if options["device"] != "cpu" and "CUDAExecutionProvider" in there:
+    if device != "cpu" and "CUDAExecutionProvider" in there:
         providers.insert(0, "CUDAExecutionProvider")
     settings = onnxruntime.SessionOptions()
-    settings.intra_op_num_threads, settings.inter_op_num_threads = options["threads"], 1
+    settings.intra_op_num_threads, settings.inter_op_num_threads = threads, 1
     settings.log_severity_level = 4  # its errors are raised too, and its warnings are about how a network was exported
     onnxruntime.disable_telemetry_events()
     try:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"{path} cannot be read as an ONNX network ({_find_first_line(error)}); export it again."
+            f"{path} cannot be read as an ONNX network ({find_first_line(error)}); export it again."
         ) from None
-    inputs = _find_inputs(path, session.get_inputs())
-    return _Network(
-        session,
-        inputs,
-        {
-            "checkpoint_sha256": hash_file(path),
-            "onnxruntime": onnxruntime.__version__,
-            "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower(),
-        },
-    )
+    return session, {
+        "checkpoint_sha256": hash_file(path),
+        "onnxruntime": onnxruntime.__version__,
+        "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower(),
+    }
+
+
+def _open_network(options: dict[str, Any]) -> _Network:
+    path = _find_model_path(options)
+    session, facts = open_session("onnx", path, options["device"], options["threads"])
+    return _Network(session, _find_inputs(path, session.get_inputs()), facts)
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
@@ -335,7 +346,7 @@ def _compute_outputs(
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_find_first_line(error)}); try "
+            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({find_first_line(error)}); try "
             f"onnx.multiple, {options['multiple']}, onnx.device=cpu or smaller images."
         ) from None
 
@@ -467,7 +478,7 @@ def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array],
         clock.cancel()
 
 
-def _find_first_line(error: Exception) -> str:
+def find_first_line(error: Exception) -> str:
     """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812, its usual name
 
-#: Search ranges are rounded up to a multiple of this, px, and images padded to it.
-MULTIPLE = 16
+from .icynet_file import count_levels
+
 #: Width in px of the window in which brightness is normalized, and the least deviation in it.
 _WINDOW_PX, _LEAST_DEVIATION = 15, 0.01
 #: Levels of 4 px on each side of the best, among which a mean is taken.
@@ -138,14 +138,14 @@ class IcyNet(nn.Module):
         return self._match(half, other_half, correlation)
 
     def forward_at_levels(self, left: Tensor, right: Tensor, levels: Tensor) -> tuple[Tensor, Tensor]:
-        """Disparity (1, H, W) in px and confidence (1, H, W) from 0 to 1 of one pair; ``levels`` (D,) are 0 to D - 1.
+        """Disparity (1, H, W) in px and confidence (1, H, W), a logit, of one pair; ``levels`` (D,) are 0 to D - 1.
 
         The numbers are those of ``forward``, by operations whose sizes an exported network leaves free.
         """
         (half, other_half), (quarter, other_quarter) = self._find_features(left, right)
         correlation = _correlate_by_index(quarter, other_quarter, levels, self.groups)
         disparity, logit, _ = self._match(half, other_half, correlation)
-        return disparity, torch.sigmoid(logit)
+        return disparity, logit
 
     def _find_features(self, left: Tensor, right: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
         """Features of both eyes at 1/2 of the size, then at 1/4."""
@@ -178,11 +178,6 @@ class IcyNet(nn.Module):
         both = torch.stack([2.0 * better, found[:, 1]], 1)
         full = _upsample_convex(both, found[:, 2:])
         return full[:, 0], full[:, 1]
-
-
-def count_levels(range_px: int) -> int:
-    """The number of levels of 4 px of a search range."""
-    return -(-range_px // MULTIPLE) * (MULTIPLE // 4)
 
 
 def _normalize_locally(image: Tensor) -> Tensor:

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from icymoon.stereo.learning.export_network import OUTPUTS
 from icymoon.stereo.learning.losses import compute_loss
 from icymoon.stereo.learning.train import ONNX_FILE, CachedGrounds, Plan, Run, draw_batch
 from icymoon.stereo.learning.trainable import ICYNET
 from icymoon.stereo.matchers import match
-from icymoon.stereo.networks.icynet import IcyNet, _correlate, _correlate_by_index, count_levels
+from icymoon.stereo.networks.icynet import IcyNet, _correlate, _correlate_by_index
+from icymoon.stereo.networks.icynet_file import OUTPUTS, count_levels
 from icymoon.support.errors import IcyMoonError
 from safetensors import safe_open
 
@@ -220,8 +220,27 @@ def test_onnx_runtime_gives_the_numbers_of_pytorch_at_any_size_and_range(tmp_pat
         found = session.run(list(OUTPUTS), given)
         # The bound of the issue is 1e-3 px; single precision leaves a few 1e-6 of a range of tens of px.
         np.testing.assert_allclose(found[0], disparity.numpy(), atol=1e-4)
-        np.testing.assert_allclose(found[1], torch.sigmoid(logit).numpy(), atol=1e-4)
+        np.testing.assert_allclose(found[1], logit.numpy(), atol=1e-4)
     assert (tmp_path / ONNX_FILE).stat().st_size < 4e6
+
+
+def test_the_matcher_gives_the_same_by_onnx_runtime_and_knows_its_network(tmp_path):
+    pytest.importorskip("onnxruntime")
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    losses(run)
+    run.finish()
+    random = np.random.default_rng(1)
+    image = cv2.blur(random.integers(0, 255, (40, 75), np.uint8), (3, 3))
+    moved = np.roll(image, -6, axis=1)
+    one, other = (
+        match("icynet", image, moved, {"checkpoint": tmp_path / f"weights.{kind}"}) for kind in ("safetensors", "onnx")
+    )
+    np.testing.assert_allclose(other[0], one[0], atol=1e-3)
+    assert "onnxruntime" in other[2]["facts"]
+    assert "torch" not in other[2]["facts"]
+    (tmp_path / "weights.onnx").write_bytes(b"no network")
+    with pytest.raises(IcyMoonError, match="cannot be read as an ONNX network"):
+        match("icynet", image, moved, {"checkpoint": tmp_path / "weights.onnx"})
 
 
 def test_levels_by_index_are_the_levels_of_training():
