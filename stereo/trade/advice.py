@@ -9,7 +9,7 @@ from typing import Any
 from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
-from .quality_losses import find_number, find_pareto_front
+from .quality_losses import find_number, find_pareto_front, find_plain_methods
 from .same_decisions import describe_decisions
 
 #: Tolerances of extra disparity error, px, for which advice is given.
@@ -71,6 +71,46 @@ def _make_decision_line(
             "reference samples, or a larger scale."
         )
     return f"{name}: no variant leads to the same decisions as the reference; give more samples."
+
+
+def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
+    """For each matcher that is joined with range points: the cheapest variant on which both together are at least as
+    good as the matcher alone on an image without noise. Empty unless both are among the methods."""
+    shown = [row for row in rows if _shows_this_scene(row)]
+    scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
+    return [
+        _make_fusion_line(fused, plain, shown, scene, margin) for fused, plain in find_plain_methods(methods).items()
+    ]
+
+
+def _make_fusion_line(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> str:
+    """The line of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
+    pixels out, so means over measured pixels would compare different ones."""
+    start = f"{describe_method(fused)} in place of {describe_method(plain)}"
+    good = {
+        row["key"]: Tolerance(None, 0.0).allows(row["fused"][fused]["loss"], row["fused"][fused]["doubt"])
+        for row in rows
+    }
+    best = _find_cheapest([row for row in rows if good[row["key"]]], margin)
+    if best is not None:
+        together = _format_wrong(best["fused"][fused]["loss"], best["fused"][fused]["doubt"])
+        alone = _format_wrong(best["loss"][plain], best["loss_doubt"][plain])
+        return (
+            f"{start}: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair{_format_ratio(scene, best, margin)}, "
+            f"changes the share of wrong or missing pixels by {together} against {describe_method(plain)} on an image "
+            f"without noise; without the points, by {alone}."
+        )
+    if None in good.values():
+        return f"{start}: noise hides whether a variant is as good; give more reference samples, or a larger scale."
+    return f"{start}: no variant is as good as {describe_method(plain)} without noise; give more points or samples."
+
+
+def _format_wrong(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
+    """The change of the share of wrong or missing pixels, such as '-3.1 ± 0.4 %'."""
+    value, spread = loss["wrong_or_missing"], doubt["wrong_or_missing"]
+    if value is None:
+        return "an unknown share"
+    return f"{100 * value:+.1f}{'' if spread is None else f' ± {100 * spread:.1f}'} %"
 
 
 def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
