@@ -137,6 +137,7 @@ def test_a_detector_is_read(tmp_path):
         ('kind = "PMT"', "detector.kind is 'PMT', not one of APD, SPAD"),
         ('kind = "SPAD"\ngain = 3.0', "unknown key detector.'gain'"),
         ('kind = "APD"\ngain = 0.1', "gain of the photodiode is 0.1"),
+        ('kind = "APD"\nefficiency = 0.0', "quantum efficiency of the photodiode is 0"),
         ('kind = "SPAD"\nefficiency = 2.0', "efficiency of the photon counter is 2"),
         ("gain = 3.0", "kind is missing"),
         ('kind = "APD"', "give lidar.farthest_m"),
