@@ -14,6 +14,8 @@ from .same_decisions import describe_decisions
 
 #: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
+#: Tolerances of extra pixels that are wrong or missing, as a share, for a matcher that range points help.
+_MORE_WRONG_SHARES = (0.0, 0.005, 0.01, 0.02)
 #: Largest change of the light, as a share, that counts as none, and that advice for matchers allows.
 _UNCHANGED_LIGHT_SHARE, _MOST_LIGHT_CHANGE_SHARE = 0.002, 0.01
 #: Share of the pixels that a matcher may lose without a note.
@@ -74,35 +76,46 @@ def _make_decision_line(
 
 
 def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
-    """For each matcher that is joined with range points: the cheapest variant on which both together are at least as
-    good as the matcher alone on an image without noise. Empty unless both are among the methods."""
+    """For each matcher that is joined with range points: the cheapest variants on which both together are nearly as
+    good as the matcher alone on an image without noise, a line for each tolerance. Empty unless both are methods."""
     shown = [row for row in rows if _shows_this_scene(row)]
     scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
     return [
-        _make_fusion_line(fused, plain, shown, scene, margin) for fused, plain in find_plain_methods(methods).items()
+        line
+        for fused, plain in find_plain_methods(methods).items()
+        for line in _make_fusion_lines(fused, plain, shown, scene, margin)
     ]
 
 
-def _make_fusion_line(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> str:
-    """The line of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
+def _make_fusion_lines(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
+    """The lines of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
     pixels out, so means over measured pixels would compare different ones."""
     start = f"{describe_method(fused)} in place of {describe_method(plain)}"
-    good = {
-        row["key"]: Tolerance(None, 0.0).allows(row["fused"][fused]["loss"], row["fused"][fused]["doubt"])
-        for row in rows
-    }
-    best = _find_cheapest([row for row in rows if good[row["key"]]], margin)
-    if best is not None:
-        together = _format_wrong(best["fused"][fused]["loss"], best["fused"][fused]["doubt"])
-        alone = _format_wrong(best["loss"][plain], best["loss_doubt"][plain])
-        return (
-            f"{start}: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair{_format_ratio(scene, best, margin)}, "
-            f"changes the share of wrong or missing pixels by {together} against {describe_method(plain)} on an image "
-            f"without noise; without the points, by {alone}."
+    lines: list[str] = []
+    hidden, before = [], None
+    for share in _MORE_WRONG_SHARES:
+        within = {
+            row["key"]: Tolerance(None, share).allows(row["fused"][fused]["loss"], row["fused"][fused]["doubt"])
+            for row in rows
+        }
+        best = _find_cheapest([row for row in rows if within[row["key"]]], margin)
+        if best is None:
+            hidden += [f"{100 * share:g} %"] * (None in within.values())
+        elif best is not before:
+            before = best
+            together = _format_wrong(best["fused"][fused]["loss"], best["fused"][fused]["doubt"])
+            alone = _format_wrong(best["loss"][plain], best["loss_doubt"][plain])
+            lines.append(
+                f"{start}, at most {100 * share:g} % more pixels wrong or missing: “{best['name']}”, "
+                f"{best['cpu_s']:.1f} CPU seconds a pair{_format_ratio(scene, best, margin)}, adds {together}; without "
+                f"the points {alone}."
+            )
+    if hidden:
+        lines.append(
+            f"{start}: noise hides which variants are within {' or '.join(hidden)}; give a larger scale or more "
+            "reference samples."
         )
-    if None in good.values():
-        return f"{start}: noise hides whether a variant is as good; give more reference samples, or a larger scale."
-    return f"{start}: no variant is as good as {describe_method(plain)} without noise; give more points or samples."
+    return lines or [f"{start}: no variant is within {100 * _MORE_WRONG_SHARES[-1]:g} %; give more points or samples."]
 
 
 def _format_wrong(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
