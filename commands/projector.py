@@ -98,6 +98,7 @@ def _run_projector(options: argparse.Namespace) -> int:
         options.pattern.upper(), options.dots, options.dot_px, options.period_px, options.shifts, options.seed
     )
     pattern.make(projector)
+    _check_transport(options.transport_mm, pattern)
     from ..stereo import projected_pairs as projected
 
     settings = add_projector(settings, projector)
@@ -126,9 +127,19 @@ def _run_projector(options: argparse.Namespace) -> int:
             f"{folder}: {eye}: {100 * errors['decoded_share']:.1f} % of the lit pixels decoded, median error "
             f"{errors['column_median_px']:.3f} px of the projector, {100 * errors['depth_median_share']:.2f} % of depth"
         )
-    if options.transport_mm:
+    if options.transport_mm is not None:
         _tell_ice(options.transport_mm, decoded["left"].true_depth_m, projector, pattern)
     return 0
+
+
+def _check_transport(transport_mm: float | None, pattern: Pattern) -> None:
+    """Raise IcyMoonError for a transport length that ice cannot have, or that no result would use."""
+    if transport_mm is None:
+        return
+    if not 0 < transport_mm < math.inf:
+        raise IcyMoonError(f"--transport-mm is {transport_mm:g}; give more than 0.")
+    if pattern.kind != "GRAY_PHASE":
+        raise IcyMoonError("--transport-mm describes decoded stripes; add --pattern gray_phase, or leave it out.")
 
 
 def make_projector(options: argparse.Namespace, settings: Settings) -> Projector:

@@ -178,7 +178,7 @@ def _run_trade(options: argparse.Namespace) -> int:
     page = options.out.absolute() / "trade.html"
 
     def show(report: dict[str, Any]) -> None:
-        _print_all(report["advice"])
+        _print_all([*report["advice"], *report["fusion_advice"]])
         _print_decided(report)
         _print_all(report["decision_advice"])
         printer.say(str(page))

@@ -4,6 +4,7 @@ memory."""
 from __future__ import annotations
 
 import math
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,7 @@ from ..physics.lidar.measured_returns import Alarms
 from ..physics.lidar.returns import Returns
 from ..physics.lidar.scan_patterns import ScanPattern
 from ..support.arrays import Array
+from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically
 from ..support.foreign_bytes import explain_errors
 
@@ -24,9 +26,23 @@ from ..support.foreign_bytes import explain_errors
 ROWS_AT_ONCE = 2**16
 #: Bytes that are copied at once.
 _COPIED_AT_ONCE = 2**22
+#: Bytes of a return with detector and ice on the disk while its file is written: its arrays, and their copy.
+_BYTES_A_RETURN = 2 * 220
 _FIX = "scan the scene again"
 #: End of the names of arrays with three columns.
 _POINTS = "point_m"
+
+
+def check_room(folder: Path, beams: int) -> None:
+    """Raise IcyMoonError if the disk of a folder, which need not exist, has no room for a return of each beam."""
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    with explain_disk_errors("write to", there):
+        free = shutil.disk_usage(there).free
+    if (needed := _BYTES_A_RETURN * beams) > free:
+        raise IcyMoonError(
+            f"{folder} has {free / 1e6:.0f} MB free, and a scan of {beams:.3g} beams may need {needed / 1e6:.0f} MB "
+            "while it is written; free some space, choose another folder, or give fewer rows and columns."
+        )
 
 
 class ReturnWriter:

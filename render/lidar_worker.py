@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ..formats.lidar_file import LidarFile, read_lidar
-from ..formats.lidar_points import ReturnWriter
+from ..formats.lidar_points import ReturnWriter, check_room
 from ..nodes.built_scene import Built
 from ..nodes.rig import find_eye_poses
 from ..nodes.surface.sun_inputs import Sun
@@ -52,6 +52,7 @@ def run_job(
 ) -> None:
     """Scan the scene of each pair of a job. Raises IcyMoonError for errors that a user can fix."""
     pairs, lidar = list_job_pairs(job), asked.change(lidar)
+    check_room(folder, lidar.instrument.pattern.count)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Scan {k + 1} of {len(pairs)}")

@@ -37,7 +37,7 @@ class Apd:
         for name, value, low, high in (
             ("gain", self.gain, 1.0, 1e6),
             ("ionisation ratio", self.ionisation_ratio, 0.0, 1.0),
-            ("quantum efficiency", self.efficiency, 0.0, 1.0),
+            ("quantum efficiency", self.efficiency, 1e-6, 1.0),
             ("bandwidth in Hz", self.bandwidth_hz, 1.0, 1e12),
             ("dark current in A", self.dark_a, 0.0, 1.0),
             ("load in ohm", self.load_ohm, 1e-3, 1e12),

@@ -69,9 +69,11 @@ class Instrument:
                 f"The half-angles of the LiDAR's beam are {self.half_angle_rad[0]:g} and {self.half_angle_rad[1]:g} "
                 "rad; give 0 to 0.785."
             )
-        if not 0 <= self.efficiency <= 1:
+        if not self.aperture_radius_m > 0:
+            raise IcyMoonError("The LiDAR's aperture is 0, so no light comes back; give a width above 0.")
+        if not 0 < self.efficiency <= 1:
             raise IcyMoonError(
-                f"The LiDAR's optics transmit {self.efficiency:g} of the light; give a share from 0 to 1."
+                f"The LiDAR's optics transmit {self.efficiency:g} of the light; give a share above 0 and at most 1."
             )
         if self.sub_rays != 1 and (self.sub_rays < 6 or self.sub_rays % 2):
             raise IcyMoonError(

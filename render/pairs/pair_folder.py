@@ -201,6 +201,11 @@ def _read_pair_json(path: Path) -> str:
     try:
         return read_text(path)
     except FileNotFoundError:
+        if pairs_folder(path.parent).is_dir():
+            raise IcyMoonError(
+                f"{path.parent} is a data set, not a pair; give the folder of one of its pairs, in "
+                f"{pairs_folder(path.parent)}."
+            ) from None
         raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
     except (OSError, ValueError) as error:
         raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_RENDER_AGAIN}.") from None

@@ -225,6 +225,7 @@ def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
     frame = map_frame_from_json(site)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.generating_software = "Icy Moon"
+    header.global_encoding.wkt = True  # LAS 1.4 demands it of records from 6 on, with or without a WKT
     header.system_identifier = str(facts.get("title", ""))[:31].encode("ascii", "replace").decode()
     header.offsets = np.floor(_to_map(np.array([facts["position_m"]]), frame)[0])
     unit_m = 1.0 if frame is None else frame.unit_m

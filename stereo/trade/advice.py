@@ -9,11 +9,13 @@ from typing import Any
 from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
-from .quality_losses import find_number, find_pareto_front
+from .quality_losses import find_number, find_pareto_front, find_plain_methods
 from .same_decisions import describe_decisions
 
 #: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
+#: Tolerances of extra pixels that are wrong or missing, as a share, for a matcher that range points help.
+_MORE_WRONG_SHARES = (0.0, 0.005, 0.01, 0.02)
 #: Largest change of the light, as a share, that counts as none, and that advice for matchers allows.
 _UNCHANGED_LIGHT_SHARE, _MOST_LIGHT_CHANGE_SHARE = 0.002, 0.01
 #: Share of the pixels that a matcher may lose without a note.
@@ -71,6 +73,57 @@ def _make_decision_line(
             "reference samples, or a larger scale."
         )
     return f"{name}: no variant leads to the same decisions as the reference; give more samples."
+
+
+def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
+    """For each matcher that is joined with range points: the cheapest variants on which both together are nearly as
+    good as the matcher alone on an image without noise, a line for each tolerance. Empty unless both are methods."""
+    shown = [row for row in rows if _shows_this_scene(row)]
+    scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
+    return [
+        line
+        for fused, plain in find_plain_methods(methods).items()
+        for line in _make_fusion_lines(fused, plain, shown, scene, margin)
+    ]
+
+
+def _make_fusion_lines(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
+    """The lines of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
+    pixels out, so means over measured pixels would compare different ones."""
+    start = f"{describe_method(fused)} in place of {describe_method(plain)}"
+    lines: list[str] = []
+    hidden, before = [], None
+    for share in _MORE_WRONG_SHARES:
+        within = {
+            row["key"]: Tolerance(None, share).allows(row["fused"][fused]["loss"], row["fused"][fused]["doubt"])
+            for row in rows
+        }
+        best = _find_cheapest([row for row in rows if within[row["key"]]], margin)
+        if best is None:
+            hidden += [f"{100 * share:g} %"] * (None in within.values())
+        elif best is not before:
+            before = best
+            together = _format_wrong(best["fused"][fused]["loss"], best["fused"][fused]["doubt"])
+            alone = _format_wrong(best["loss"][plain], best["loss_doubt"][plain])
+            lines.append(
+                f"{start}, at most {100 * share:g} % more pixels wrong or missing: “{best['name']}”, "
+                f"{best['cpu_s']:.1f} CPU seconds a pair{_format_ratio(scene, best, margin)}, adds {together}; without "
+                f"the points {alone}."
+            )
+    if hidden:
+        lines.append(
+            f"{start}: noise hides which variants are within {' or '.join(hidden)}; give a larger scale or more "
+            "reference samples."
+        )
+    return lines or [f"{start}: no variant is within {100 * _MORE_WRONG_SHARES[-1]:g} %; give more points or samples."]
+
+
+def _format_wrong(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
+    """The change of the share of wrong or missing pixels, such as '-3.1 ± 0.4 %'."""
+    value, spread = loss["wrong_or_missing"], doubt["wrong_or_missing"]
+    if value is None:
+        return "an unknown share"
+    return f"{100 * value:+.1f}{'' if spread is None else f' ± {100 * spread:.1f}'} %"
 
 
 def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:

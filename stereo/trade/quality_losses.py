@@ -21,6 +21,7 @@ from ...physics.scene_requirements import count_images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...settings.topics.trust_boundary import split_lidar
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
@@ -142,6 +143,8 @@ def measure_variant(
       image without noise, see the module.
     * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
       of the image (``jackknife``) and, for a loss, the uncertainty of what is subtracted for the reference's noise.
+    * ``fused``: per method that joins a matcher with range points, if the matcher alone is among ``methods`` too: how
+      much worse it is than the matcher alone (``plain``) on an image without noise (``loss``), and ``doubt``.
     * ``decisions``: per matcher how its decisions differ from those on the reference, see
       ``decisions.DecisionReference``; empty where they are not compared.
     * ``cpu_range``: the smallest and the largest ``cpu_s``.
@@ -167,6 +170,10 @@ def measure_variant(
         },
         "loss": {label: _name_numbers(loss) for label, (loss, _) in losses.items()},
         "loss_doubt": {label: _name_numbers(doubt) for label, (_, doubt) in losses.items()},
+        "fused": {
+            fused: _compare_with_plain(tallies[fused], plain, reference.tallies[plain])
+            for fused, plain in find_plain_methods([method.label for method in methods]).items()
+        },
         "decisions": {} if isinstance(reference.deciding, str) else reference.deciding.compare(matched),
     }
 
@@ -308,6 +315,21 @@ def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Arra
 
     loss, error = jackknife(loss_of, sums, reference)
     return loss, np.hypot(2 * error, _LAW_DOUBT * _compute_loss_by_noise(reference.sum(axis=1)))
+
+
+def find_plain_methods(labels: Sequence[str]) -> dict[str, str]:
+    """The methods that join a matcher with range points, and the label of the matcher alone, where it is listed too."""
+    found = {label: split_lidar(label) for label in labels}
+    return {
+        label: matcher
+        for label, (matcher, points) in found.items()
+        if points is not None and matcher in found and found[matcher][1] is None
+    }
+
+
+def _compare_with_plain(sums: Array, plain: str, reference: Array) -> dict[str, Any]:
+    loss, doubt = _compute_loss_of_variant(sums, reference)
+    return {"plain": plain, "loss": _name_numbers(loss), "doubt": _name_numbers(doubt)}
 
 
 def _name_numbers(numbers: Array) -> dict[str, float | None]:

@@ -29,8 +29,15 @@ from ..report.charts import (
 from ..report.page_templates import read_template
 from ..report.sweep_charts import ON_WHITE, write_picture
 from ..report.table_columns import Column, format_number
-from .advice import find_distinct_steps, find_pareto_fronts, format_loss, make_decision_advice, make_variant_advice
-from .quality_losses import STEREO_KEYS, find_number
+from .advice import (
+    find_distinct_steps,
+    find_pareto_fronts,
+    format_loss,
+    make_decision_advice,
+    make_fusion_advice,
+    make_variant_advice,
+)
+from .quality_losses import STEREO_KEYS, find_number, find_plain_methods
 from .same_decisions import MOST_REGRET, RULE
 
 FORMAT = "icymoon-trade"
@@ -62,6 +69,8 @@ STEREO_COLUMNS = {
 }
 
 
+#: The change against the matcher without range points, in the CSV.
+_FUSED_COLUMNS = ("in place of the matcher alone", "in place of the matcher alone ±")
 #: The numbers of decisions in the CSV.
 _DECISION_COLUMNS = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
 
@@ -95,6 +104,7 @@ def write_trade(
         "references": list(references),
         "rows": [dict(row) for row in rows],
         "advice": make_variant_advice(rows, methods),
+        "fusion_advice": make_fusion_advice(rows, methods),
         "decision_advice": make_decision_advice(rows, methods, references),
         "decision_rule": RULE,
         "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
@@ -144,6 +154,7 @@ def _make_csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
             *(f"{method} {key}" for method in methods for key in STEREO_KEYS),
             *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO_KEYS),
             "bias ±",
+            *(f"{fused} {what}" for fused in find_plain_methods(methods) for what in _FUSED_COLUMNS),
             *(f"{method} decisions {key}" for method in methods for key in _DECISION_COLUMNS),
             "changed",
         ]
@@ -162,6 +173,11 @@ def _make_csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
                     for key in STEREO_KEYS
                 ),
                 row["bias_doubt"],
+                *(
+                    row["fused"][fused][what]["wrong_or_missing"]
+                    for fused in find_plain_methods(methods)
+                    for what in ("loss", "doubt")
+                ),
                 *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECISION_COLUMNS),
                 json.dumps(row["changed"]),
             ]

@@ -6,6 +6,7 @@ import argparse
 import math
 
 import pytest
+from icymoon.commands.cli import main
 from icymoon.commands.projector import add_options, add_projector, make_projector, name_projector
 from icymoon.physics.light.lamps import radiant_power_w
 from icymoon.physics.scene_checks import describe_buried_lamp
@@ -32,3 +33,18 @@ def test_a_projector_in_the_ground_is_told_by_its_option():
     told = name_projector(describe_buried_lamp(1, 0.5), 1)
     assert told == "The projector is 0.5 m under the ground, so it lights nothing; move it by --place."
     assert name_projector(describe_buried_lamp(0, 0.5), 1) == describe_buried_lamp(0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--pattern", "gray_phase", "--transport-mm", "-1"], "--transport-mm is -1; give more than 0"),
+        (["--pattern", "gray_phase", "--transport-mm", "nan"], "--transport-mm is nan; give more than 0"),
+        (["--pattern", "gray_phase", "--transport-mm", "0"], "--transport-mm is 0; give more than 0"),
+        (["--transport-mm", "5"], "add --pattern gray_phase"),
+    ],
+)
+def test_a_transport_length_that_has_no_use_is_refused_before_the_render(words, part, tmp_path, capsys):
+    assert main(["projector", *words, "--out", str(tmp_path / "out"), "--blender", "/nowhere/blender"]) == 1
+    assert part in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

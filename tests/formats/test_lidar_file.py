@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from icymoon.formats import lidar_points
 from icymoon.formats.lidar_file import change_lidar, read_lidar
 from icymoon.formats.lidar_points import ReturnWriter, find_cells, read_returns
 from icymoon.physics.lidar.measured_returns import Alarms, AnalogReceiver, Measurement, PhotonCounter, Sensing
@@ -135,6 +137,7 @@ def test_a_detector_is_read(tmp_path):
         ('kind = "PMT"', "detector.kind is 'PMT', not one of APD, SPAD"),
         ('kind = "SPAD"\ngain = 3.0', "unknown key detector.'gain'"),
         ('kind = "APD"\ngain = 0.1', "gain of the photodiode is 0.1"),
+        ('kind = "APD"\nefficiency = 0.0', "quantum efficiency of the photodiode is 0"),
         ('kind = "SPAD"\nefficiency = 2.0', "efficiency of the photon counter is 2"),
         ("gain = 3.0", "kind is missing"),
         ('kind = "APD"', "give lidar.farthest_m"),
@@ -232,3 +235,25 @@ def test_damaged_returns_are_one_sentence(tmp_path):
         list(read_returns(tmp_path / "a.npz", ["range_m"]))
     with pytest.raises(IcyMoonError, match="scan the scene again"):
         list(read_returns(tmp_path / "none.npz", ["range_m"]))
+
+
+def test_a_scan_that_does_not_fit_on_the_disk_is_refused_before_it_begins(tmp_path, monkeypatch):
+    file = tmp_path / "lidar.npz"
+    with ReturnWriter(tmp_path, ScanPattern("RASTER", 1, 1, 1, 1)) as writer:
+        some = {"ice": np.zeros((1000, 7))}  # four numbers on the delay in ice, and three of the detector
+        writer.add(
+            Returns(
+                **{key: np.zeros((1000, *value.shape[1:]), value.dtype) for key, value in vars(NO_RETURNS).items()}
+            ),
+            some,
+        )
+        writer.finish(file)
+    needed = 2 * file.stat().st_size
+    for free, fits in ((1.01 * needed, True), (0.97 * needed, False)):
+        monkeypatch.setattr(lidar_points.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
+        if fits:
+            lidar_points.check_room(tmp_path / "not" / "there", 1000)
+        else:
+            with pytest.raises(IcyMoonError, match=r"a scan of 1e\+03 beams may need .* fewer rows and columns"):
+                lidar_points.check_room(tmp_path / "not" / "there", 1000)
+    assert not (tmp_path / "not").exists()

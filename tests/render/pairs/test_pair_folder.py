@@ -91,6 +91,8 @@ def test_incomplete_and_foreign_folders_are_named(tmp_path):
         with pytest.raises(IcyMoonError, match="abc") as caught:
             read_pair(pair)
         assert word in str(caught.value)
+    with pytest.raises(IcyMoonError, match="is a data set, not a pair; give the folder of one of its pairs"):
+        read_pair(tmp_path)
     pair.rename(tmp_path / "pairs" / "abc.part")
     with pytest.raises(IcyMoonError, match="no complete stereo pair"):
         find_pairs(tmp_path)

@@ -63,6 +63,7 @@ def test_las_is_read_back(kind, folder):
     head = path.read_bytes()[:375]
     assert (head[:4], head[24], head[25], head[104] & 63) == (b"LASF", 1, 4, 6)
     assert struct.unpack_from("<Q", head, 247) == (3,)
+    assert struct.unpack_from("<H", head, 6) == (16,)  # bit 4: LAS 1.4 allows records from 6 on only WKT
     read = laspy.read(path)
     expected = POSE.position_m + ALONG[[0, 2]] * MEASURED_M[[0, 2], None]
     assert read.xyz[:2] == pytest.approx(expected, abs=5.1e-5)

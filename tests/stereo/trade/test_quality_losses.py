@@ -1,5 +1,6 @@
 """The losses of variants, on pairs with an error that was put in and so is known."""
 
+import csv
 import json
 from typing import Any
 
@@ -21,6 +22,7 @@ from icymoon.stereo.trade.advice import (
     find_distinct_steps,
     find_pareto_fronts,
     make_decision_advice,
+    make_fusion_advice,
     make_variant_advice,
 )
 from icymoon.stereo.trade.quality_losses import find_number, find_pareto_front, measure_variant, read_reference
@@ -74,6 +76,21 @@ def test_a_bake_is_shared_by_the_images_of_its_ground_but_not_of_its_view(truth,
     data["settings"].setdefault("quality", {}).update(indirect="BAKED", bake_area=area)
     (folder / "pair.json").write_text(json.dumps(data))
     assert measure_variant([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
+
+
+def test_a_matcher_with_range_points_is_held_against_the_matcher_alone_without_noise(tmp_path):
+    methods, rig = parse_methods("bm,bm+lidar:points=30:rule=fill,lidar:points=30"), pairs.camera(128, 72)
+    truth = read_reference(folders(tmp_path / "truth", "truth", 1, rig=rig), methods, {})
+    bm, fused, _ = (method.label for method in methods)
+    found = measure_variant(folders(tmp_path, "noisy", 1, 0.3, rig=rig), truth, methods)
+    assert list(found["fused"]) == [fused]  # points alone replace no matcher
+    (own,) = found["fused"].values()
+    assert own["plain"] == bm
+    for key, worse in (("wrong_or_missing", 1), ("coverage", -1)):
+        change = found["stereo"][fused][key] - truth.stereo[bm][key]
+        assert own["loss"][key] == pytest.approx(worse * change)
+    assert own["loss"]["wrong_or_missing"] < found["loss"][bm]["wrong_or_missing"] - 0.05
+    assert 0 < own["doubt"]["wrong_or_missing"] < 0.2
 
 
 def test_noise_is_separated_from_bias(truth, tmp_path):
@@ -203,6 +220,45 @@ def test_advice_names_the_cheapest_that_shows_the_scene():
     )
 
 
+def fuse(each, loss, doubt=0.01):
+    """The row with SGBM and range points, whose share of wrong or missing pixels differs from SGBM's by ``loss``."""
+    numbers = {"loss": {"wrong_or_missing": loss}, "doubt": {"wrong_or_missing": doubt}}
+    return each | {"fused": {"sgbm+lidar:points=300": {"plain": "sgbm", **numbers}}}
+
+
+@pytest.mark.parametrize(
+    ("losses", "parts"),
+    [
+        (  # The one without bounces has other light, the mesh another shape.
+            (-0.1, -0.002, -0.06, -0.03, -0.2, -0.3, -0.1, -0.3),
+            (
+                "at most 0 % more pixels wrong or missing: “14 samples”, 3.0 CPU seconds a pair (3.3 times less than "
+                "as described), adds -3.0 ± 1.0 %; without the points +11.0 ± 0.4 %.",
+                "at most 1 % more pixels wrong or missing: “8 samples”, 2.0 CPU seconds a pair (5.0 times less than "
+                "as described), adds -0.2 ± 1.0 %; without the points +11.0 ± 0.4 %.",
+            ),
+        ),
+        (
+            (0.005, 0.1, 0.1, 0.1, 0.1, -0.1, 0.1, -0.1),
+            (
+                "at most 2 % more pixels wrong or missing: “as described”, 10.0 CPU seconds a pair, adds +0.5 ± 1.0 %",
+                "noise hides which variants are within 0 % or 0.5 % or 1 %; give a larger scale",
+            ),
+        ),
+        ((0.1, 0.1, 0.1, 0.1, 0.1, -0.1, 0.1, -0.1), ("no variant is within 2 %; give more points or samples.",)),
+    ],
+)
+def test_advice_names_the_cheapest_that_points_make_as_good_as_the_matcher(losses, parts):
+    rows = [fuse(each, loss) for each, loss in zip(ROWS, losses, strict=True)]
+    lines = make_fusion_advice(rows, ["sgbm", "sgbm+lidar:points=300"])
+    assert len(lines) == len(parts)
+    for line, part in zip(lines, parts, strict=True):
+        assert line.startswith("SGBM + LiDAR points=300 in place of SGBM")
+        assert part in line
+    assert not make_fusion_advice(ROWS, ["sgbm", "lidar:points=300"])
+    assert not make_fusion_advice(ROWS, ["sgbm:window=7", "sgbm+lidar:points=300"])
+
+
 def test_advice_claims_nothing_within_noise():
     rows = [
         row("scene", "as described", 10.0, 0.015, doubt=0.03),
@@ -282,8 +338,14 @@ def test_the_report_holds_everything(tmp_path):
     assert "Nothing is decided." in page
     reference |= {"undecided": "", "own_decisions": decided("", 1.0, True)["decisions"]}
     rows = [each | {"decisions": {"sgbm": decided("", 1.0, None)["decisions"]["bm"]}} for each in ROWS]
-    write_trade(rows, ["sgbm"], [reference], GROUPS, {"created": "2030-01-01T00:00:00+00:00"}, tmp_path)
+    fused = "sgbm+lidar:points=300"
+    numbers = ("stereo", "loss", "loss_doubt", "decisions")
+    rows = [fuse(each, -0.25) | {key: each[key] | {fused: each[key]["sgbm"]} for key in numbers} for each in rows]
+    write_trade(rows, ["sgbm", fused], [reference], GROUPS, {"created": "2030-01-01T00:00:00+00:00"}, tmp_path)
+    table = list(csv.DictReader((tmp_path / "trade.csv").read_text().splitlines()))
+    assert {each[f"{fused} in place of the matcher alone"] for each in table} == {"-0.25"}
     page = (tmp_path / "trade.html").read_text()
+    assert "Range points in place of samples" in page
     assert "noise leaves open" in page
     assert "± 1.0" in page
     assert "https:" not in page
