@@ -113,7 +113,7 @@ def test_a_lower_rule_takes_no_more_cells():
 
 
 def test_margins_rank_sites_that_are_known_as_a_whole():
-    """Two thirds of the slope's limit remain at 5 of 15 degrees, and half of the room of a share at 0.95 of 0.9 to 1."""
+    """Two thirds of the limit remain at 5 of 15 degrees, and half of the room from 0.9 to 1 at a share of 0.95."""
     height = np.tan(np.radians(5.0)) * CELL * np.mgrid[:SIZE, :SIZE][1]
     layers = layers_of(height)
     assert judge_sites(layers, RULE).margin[80, 80] == pytest.approx(2 / 3)
