@@ -566,7 +566,7 @@ def _make_csv(rows: _Entries) -> str:
 
 
 def _list_guarantee_cells(row: Mapping[str, Any]) -> tuple[str, str]:
-    """The margin of the chosen site, and what a calibration says of it; empty where undefined."""
+    """The margin of the chosen site, and the verdict of a calibration; empty where undefined."""
     margin = row["numbers"]["sites"]["chosen_margin"] if row["numbers"] else None
     verdict = row.get("guarantee")
     return "" if margin is None else f"{margin:.6g}", verdict["verdict"] if verdict else ""
