@@ -134,7 +134,6 @@ def write_calibration(
         "features": list(FEATURES),
         "matchers": dict(entries),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, content | {"digest": make_json_digest(content)})
 
 

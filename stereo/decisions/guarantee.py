@@ -22,10 +22,9 @@ from .calibration import (
 from .calibration_file import Calibration
 from .calibration_pairs import StatedPair
 from .scores import THRESHOLDS
+from .stored_maps import ABSTAINS, GUARANTEED, UNLIKE
 from .workspace import FEATURES
 
-#: What a lander does on a pair: take the chosen site, abstain, or abstain because no guarantee holds for its ground.
-GUARANTEED, ABSTAINS, UNLIKE = "guaranteed", "abstains", "unlike"
 _OTHER_GROUP = "group"
 _Row = Mapping[str, Any]
 

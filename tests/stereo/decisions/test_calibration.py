@@ -29,15 +29,13 @@ from icymoon.stereo.decisions.calibration_file import (
 )
 from icymoon.stereo.decisions.calibration_pairs import StatedPair, check_group_settings, name_group
 from icymoon.stereo.decisions.guarantee import (
-    ABSTAINS,
-    GUARANTEED,
-    UNLIKE,
     apply_calibration,
     bound_share,
     make_guarantee_sentences,
 )
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.scores import THRESHOLDS
+from icymoon.stereo.decisions.stored_maps import ABSTAINS, GUARANTEED, UNLIKE
 from icymoon.stereo.decisions.workspace import FEATURES
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import make_json_digest
@@ -304,7 +302,7 @@ def test_a_group_that_was_not_calibrated_is_unlike(tmp_path):
     assert marked[0]["guarantee"] == {"p": 0.0, "feature": "group", "verdict": UNLIKE}
 
 
-def test_the_weaker_procedure_says_so(tmp_path):
+def test_the_weaker_procedure_is_stated(tmp_path):
     found = calibrated(tmp_path / "c.json", goal=Goal(procedure=CONFORMAL))
     rows, stated = draw_grounds(3, seed=9, first=100)
     guarantee = apply_calibration(found, rows, stated)[1]
