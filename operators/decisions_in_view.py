@@ -25,7 +25,7 @@ MAPS = (
     (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),
     (stored_maps.HEIGHT_ERROR, "Height Error", "Measured less true height"),
 )
-#: What a calibration states of the chosen site, as the end of a sentence.
+#: The verdict of a calibration on the chosen site, as the end of a sentence.
 _SITES_BY_VERDICT = {
     stored_maps.GUARANTEED: "; the chosen site is guaranteed",
     stored_maps.ABSTAINS: "; the lander abstains, because the margin of its site is too small",

@@ -1,4 +1,4 @@
-"""What a calibration of decisions guarantees, by simulation: grounds, decisions and calibrations, without renders.
+"""The guarantee of a calibration of decisions, by simulation: grounds, decisions and calibrations, without renders.
 
     python benchmarks guaranteed_choices --grounds 600 --calibrations 2000
 

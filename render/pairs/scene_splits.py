@@ -36,7 +36,7 @@ def name_undug_ground(pair: Pair) -> str:
 
 
 def _name_shape(pair: Pair, without: str) -> str:
-    """A digest of the settings of the shape of ground and rocks, but for those of the topic ``without``."""
+    """A digest of the settings of the shape of ground and rocks, without the topic ``without``."""
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     # As with ids of pairs: a setting that a later version adds leaves each scene in its split.
     shape = [

@@ -26,7 +26,7 @@ from .guarantee import apply_calibration, make_guarantee_sentences
 
 @dataclass(frozen=True)
 class CalibrationOrder:
-    """A calibration to make: the file to write, and what it is to state."""
+    """A calibration to make: the file to write, and the goal."""
 
     file: Path
     goal: Goal = field(default_factory=Goal)
@@ -34,9 +34,9 @@ class CalibrationOrder:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What a run states with confidence: sentences, and entries of ``decisions.json``.
+    """The statements of a run with confidence: sentences, and entries of ``decisions.json``.
 
-    ``entries`` are those of the calibration that is made, ``refusal`` the reason why it is not.
+    ``entries`` are the matchers of the calibration that is made, ``refusal`` the reason why it is not.
     """
 
     sentences: Sequence[str] = ()

@@ -43,7 +43,7 @@ _Rows = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Goal:
-    """What a calibration states: risks of at most ``alpha``, with the confidence 1 - ``delta`` by Learn-then-Test.
+    """The goal of a calibration: risks of at most ``alpha``, with the confidence 1 - ``delta`` by Learn-then-Test.
 
     ``group_by`` are the settings by whose values grounds are in groups; a threshold is the strictest of all groups.
     """
@@ -70,7 +70,7 @@ class Goal:
         return max(fewest, count_fewest_on_average(MOST_UNLIKE_P))
 
     def find_threshold(self, losses: Array) -> int | None:
-        """Index of the most permissive threshold for losses (grounds, thresholds); None if none is accepted."""
+        """Index of the most permissive threshold for losses (grounds, thresholds); None without an accepted one."""
         if self.procedure == LEARN_THEN_TEST:
             return find_confident_threshold(losses, self.alpha, self.delta)
         return find_average_threshold(losses, self.alpha)
@@ -85,7 +85,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GroundLosses:
-    """What a matcher decides on the n grounds of a group, at the T thresholds."""
+    """The decisions of a matcher on the n grounds of a group, at the T thresholds."""
 
     grounds: list[str]
     choice: Array  # (n, T), 0 or 1
@@ -121,7 +121,7 @@ def calibrate_matchers(
 ) -> dict[str, dict[str, Any]]:
     """The entries of the calibration file by label.
 
-    ``rows`` are those of ``decide``, ``stated`` the statements of pairs by name, ``inputs`` digests of the matchers by
+    ``rows`` come from ``decide``, ``stated`` are the statements of pairs by name, ``inputs`` digests of the matchers by
     label. Raises IcyMoonError if a group has too few grounds on which a matcher could be judged, or if no site of any
     ground has a margin.
     """
@@ -209,7 +209,7 @@ def average_features(rows: _Rows) -> list[float]:
 
 
 def make_sentences(entries: Mapping[str, Mapping[str, Any]], goal: Goal) -> list[str]:
-    """What the calibration states: a sentence for each matcher, and one on the groups."""
+    """The calibration in words: a sentence for each matcher, and one on the groups."""
     found = []
     for label, entry in entries.items():
         name, choice = name_matcher(label), entry[CHOICE]

@@ -33,7 +33,7 @@ _FEATURES = Kind(
     f"a list of {len(FEATURES)} numbers",
     lambda value: isinstance(value, list) and len(value) == len(FEATURES) and all(map(is_number, value)),
 )
-#: What decisions must share with a calibration, with its name in a sentence.
+#: The names, in a sentence, of the conditions that decisions must share with a calibration.
 _CONDITIONS = {
     "decisions": "version of the decisions",
     "rules": "rules",
@@ -70,7 +70,7 @@ _SHAPE = {
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the decisions of a calibration and those that use it must share, besides devices."""
+    """The conditions, besides devices, that a calibration and the decisions by it must share."""
 
     decisions: int  # version of the decisions
     rules: Rules
@@ -90,7 +90,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration that was read. ``entries`` are those of ``calibration.calibrate_matchers`` by label."""
+    """A calibration that was read. ``entries`` come from ``calibration.calibrate_matchers`` by label."""
 
     path: Path
     goal: Goal

@@ -1,4 +1,4 @@
-"""What pairs state before their images are read: the ground, the group of the ground, and the devices."""
+"""The statements of pairs before their images are read: the ground, the group of the ground, and the devices."""
 
 from __future__ import annotations
 

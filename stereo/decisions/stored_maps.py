@@ -19,7 +19,7 @@ from .dem import Grid, read_cells
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
 #: The label of the row of the true depth, which shows the effect of the rules, the cells and hidden ground alone.
 TRUE_DEPTH = "true depth"
-#: What a lander does on a pair: take the chosen site, abstain, or abstain because no guarantee holds for its ground.
+#: The action of a lander on a pair: take the chosen site, abstain, or abstain on ground without a guarantee.
 GUARANTEED, ABSTAINS, UNLIKE = "guaranteed", "abstains", "unlike"
 _DECIDE_AGAIN = "press Decide Where to Dig again"
 _REPORT_SHAPE = {
