@@ -12,7 +12,16 @@ import bpy
 import numpy as np
 
 from ..stereo.decisions.map_colours import LEGEND_BY_MAP, colour_cells, count_cells
-from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, trace_outlines
+from ..stereo.decisions.stored_maps import (
+    ABSTAINS,
+    GUARANTEED,
+    HEIGHT_ERROR,
+    SLOPE,
+    SUITABILITY,
+    UNLIKE,
+    StoredMap,
+    trace_outlines,
+)
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -39,9 +48,16 @@ _MARKS = {
     SITE: ((255, 0, 188), "Chosen site, magenta ring", "COLORSET_05_VEC"),
     REACH: ((0, 243, 255), "Reach of the arm, cyan line", "COLORSET_08_VEC"),
 }
+#: The text of the chosen site by the verdict of a calibration.
+_SITE_TEXTS = {
+    GUARANTEED: "Guaranteed site, magenta ring",
+    ABSTAINS: "Abstains from this site, magenta ring",
+    UNLIKE: "Unlike ground, no guarantee, magenta ring",
+}
 #: Names of the maps in a legend.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
 _COUNTS_PROPERTY = "icymoon_cells"  # custom property of the collection
+_GUARANTEE = "guarantee"
 _LEGEND_ICONS = {
     "safe": "COLORSET_03_VEC",
     "unsafe": "COLORSET_02_VEC",
@@ -76,7 +92,8 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
         )
     collection = begin_painting(scene, mesh, NAME)
     there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
-    collection[_COUNTS_PROPERTY] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
+    told = {"title": title, "map": stored.kind, _GUARANTEE: stored.guarantee}
+    collection[_COUNTS_PROPERTY] = {**count_cells(stored), **there, **told}
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
@@ -103,6 +120,8 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     if not kind or collection is None:
         return ()
     stored = collection[_COUNTS_PROPERTY]
+    verdict = str(stored.get(_GUARANTEE, ""))
+    texts = {SITE: _SITE_TEXTS[verdict]} if verdict in _SITE_TEXTS else {}
     counts = {key: stored[key] for key in LEGEND_BY_MAP[kind] if isinstance(stored.get(key), int)}
     return (
         *make_share_lines(
@@ -111,7 +130,7 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
             {key: (text, _LEGEND_ICONS[key]) for key, text in LEGEND_BY_MAP[kind].items()},
             max(1, sum(counts.values())),
         ),
-        *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
+        *((texts.get(mark, text), icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
         ("Dark: rocks, the lander, beyond the workspace", "BLANK1"),
     )
 

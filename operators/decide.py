@@ -20,8 +20,8 @@ from .render import find_dataset_folder
 class DecidingOperator(JobOperator):
     """Mix-in: an operator that decides on the data set by the chosen matchers."""
 
-    def make_rules_arguments(self) -> tuple[str, ...]:
-        """The arguments of the command that state the rules of sites; none for the shipped rules."""
+    def make_file_arguments(self) -> tuple[str, ...]:
+        """The arguments of the command that name a file of the user; none by the shipped rules without a guarantee."""
         return ()
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -37,7 +37,7 @@ class DecidingOperator(JobOperator):
             str(dataset),
             *make_matcher_arguments(settings),
             *make_response_arguments(settings),
-            *self.make_rules_arguments(),
+            *self.make_file_arguments(),
             "--out",
             str(self._page.parent),
             "--json-lines",
@@ -61,13 +61,8 @@ class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):
     bl_label = "Decide Where to Dig"
 
 
-class ICYMOON_OT_decide_by_rules(dialogs.TomlFileDialog, DecidingOperator, bpy.types.Operator):
-    """Decide Where to Dig by a TOML file with rules of your own, such as the slope, the albedo or the share of salt"""
-
-    bl_idname = "icymoon.decide_by_rules"
-    bl_label = "Decide by Own Rules"
-
-    filepath: dialogs.file_property("TOML file with rules of your own for sites and pads")
+class DecidingByFile(DecidingOperator):
+    """Mix-in: an operator that asks for a file, and then decides in the background."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called with the chosen file: starts the job."""
@@ -75,8 +70,29 @@ class ICYMOON_OT_decide_by_rules(dialogs.TomlFileDialog, DecidingOperator, bpy.t
             return DecidingOperator.execute(self, context)
         return DecidingOperator.invoke(self, context, None)
 
-    def make_rules_arguments(self) -> tuple[str, ...]:
+
+class ICYMOON_OT_decide_by_rules(dialogs.TomlFileDialog, DecidingByFile, bpy.types.Operator):
+    """Decide Where to Dig by a TOML file with rules of your own, such as the slope, the albedo or the share of salt"""
+
+    bl_idname = "icymoon.decide_by_rules"
+    bl_label = "Decide by Own Rules"
+
+    filepath: dialogs.file_property("TOML file with rules of your own for sites and pads")
+
+    def make_file_arguments(self) -> tuple[str, ...]:
         return "--rules", str(absolute_path(self.filepath, "the file of rules", bpy.path.abspath("//")))
 
 
-CLASSES = (ICYMOON_OT_decide, ICYMOON_OT_decide_by_rules)
+class ICYMOON_OT_decide_with_guarantee(dialogs.JsonFileDialog, DecidingByFile, bpy.types.Operator):
+    """Decide Where to Dig by a calibration on other grounds: a chosen site is guaranteed, or the lander abstains"""
+
+    bl_idname = "icymoon.decide_with_guarantee"
+    bl_label = "Decide with Guarantee"
+
+    filepath: dialogs.file_property("File that icymoon decide --calibrate wrote")
+
+    def make_file_arguments(self) -> tuple[str, ...]:
+        return "--calibration", str(absolute_path(self.filepath, "the file of a calibration", bpy.path.abspath("//")))
+
+
+CLASSES = (ICYMOON_OT_decide, ICYMOON_OT_decide_by_rules, ICYMOON_OT_decide_with_guarantee)

@@ -25,6 +25,12 @@ MAPS = (
     (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),
     (stored_maps.HEIGHT_ERROR, "Height Error", "Measured less true height"),
 )
+#: The verdict of a calibration on the chosen site, as the end of a sentence.
+_SITES_BY_VERDICT = {
+    stored_maps.GUARANTEED: "; the chosen site is guaranteed",
+    stored_maps.ABSTAINS: "; the lander abstains, because the margin of its site is too small",
+    stored_maps.UNLIKE: "; the ground is unlike the calibration grounds, so no site is guaranteed",
+}
 
 
 def list_decided_methods(scene: bpy.types.Scene) -> list[str]:
@@ -67,7 +73,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
-        site = "" if stored.chosen else "; no site is safe"
+        site = _SITES_BY_VERDICT.get(stored.guarantee, "") if stored.chosen else "; no site is safe"
         self.report({"INFO"}, show_controls(f"Decisions by {describe_method(method)} shown on the ground{site}"))
         return {"FINISHED"}
 

@@ -66,3 +66,9 @@ class TomlFileDialog(FileDialog):
     """Mix-in: an operator whose ``filepath`` is a TOML file, chosen in a file browser."""
 
     filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
+
+
+class JsonFileDialog(FileDialog):
+    """Mix-in: an operator whose ``filepath`` is a JSON file, chosen in a file browser."""
+
+    filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})

@@ -33,6 +33,7 @@ from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins,
 from .learning.train_command import add_train_options, run_train
 
 if TYPE_CHECKING:
+    from .decisions.calibrated_run import CalibrationOrder
     from .export.plug_in import PluginExport
     from .fusion_curves import PointSweep
     from .matchers.methods import Method
@@ -561,6 +562,7 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
         "--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights (0.02)"
     )
     _add_decision_inputs(command)
+    _add_calibration_options(command)
     _add_report_folder(command, "" if out_needed else "decisions")
     command.add_argument(
         "--seed",
@@ -605,6 +607,50 @@ def _check_decide_options(parsed: argparse.Namespace) -> None:
         raise IcyMoonError(f"--min-confidence is {parsed.min_confidence:g}; give a number from 0 to 1.")
 
 
+def _add_calibration_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--calibrate",
+        type=as_path,
+        metavar="FILE",
+        help="calibrate on these grounds: write the margins from which on chosen sites are guaranteed",
+    )
+    command.add_argument("--alpha", type=float, help="with --calibrate: most risk of an unsafe choice (0.05)")
+    command.add_argument("--delta", type=float, help="with --calibrate: one minus the confidence (0.05)")
+    command.add_argument(
+        "--procedure",
+        choices=("learn-then-test", "conformal"),
+        help="with --calibrate: how margins are chosen (learn-then-test); conformal takes fewer grounds, but holds "
+        "only on average over calibrations",
+    )
+    command.add_argument(
+        "--groups",
+        metavar="TOPIC.KEY,TOPIC.KEY",
+        help="with --calibrate: settings whose values make groups of grounds; each group gets the guarantee",
+    )
+    command.add_argument(
+        "--calibration",
+        type=as_path,
+        metavar="FILE",
+        help="file that --calibrate wrote on other grounds: guarantee chosen sites by it, or abstain",
+    )
+
+
+def _read_calibration_order(parsed: argparse.Namespace) -> CalibrationOrder | None:
+    """The calibration to make, None without ``--calibrate``. Raises IcyMoonError for its options without it."""
+    from .decisions.calibrated_run import CalibrationOrder
+    from .decisions.calibration import Goal
+
+    stated = {key: getattr(parsed, key) for key in ("alpha", "delta", "procedure", "groups")}
+    stated = {key: value for key, value in stated.items() if value is not None}
+    if parsed.calibrate is None:
+        if stated:
+            raise IcyMoonError(f"--{next(iter(stated))} is an option of a calibration; add --calibrate FILE.")
+        return None
+    if "groups" in stated:
+        stated["group_by"] = tuple(stated.pop("groups").split(","))
+    return CalibrationOrder(parsed.calibrate, Goal(**stated))
+
+
 def run_decide(parsed: argparse.Namespace) -> int:
     """Run ``decide`` with its parsed arguments; return the exit code."""
     packages.require_modules(*packages.PACKAGES)
@@ -614,7 +660,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
 
     _check_decide_options(parsed)
     methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
-    response = _read_response([], parsed.set)
+    response, order = _read_response([], parsed.set), _read_calibration_order(parsed)
     with tell_events("Deciding", parsed.json_lines) as on_event:
         report = decide_pairs(
             parsed.path,
@@ -627,7 +673,15 @@ def run_decide(parsed: argparse.Namespace) -> int:
             PoseError(parsed.pose_error_mm, parsed.pose_error_deg),
             parsed.seed,
             parsed.min_confidence,
+            order,
+            parsed.calibration,
         )
+    _tell_decisions(parsed, report)
+    return 0
+
+
+def _tell_decisions(parsed: argparse.Namespace, report: dict[str, Any]) -> None:
+    """Print the result of ``decide``. Raises IcyMoonError if pairs failed."""
     path = (parsed.out / "decisions.html").resolve()
     if parsed.json_lines:
         printer.emit_json(
@@ -637,13 +691,15 @@ def run_decide(parsed: argparse.Namespace) -> int:
                 "rows": report["summary"],
                 "head": report["head"],
                 "notes": report["notes"],
+                "guarantee": report["guarantee"],
             }
         )
     else:
         _print_decisions(report)
         printer.say(str(path))
+        if parsed.calibrate is not None:
+            printer.say(str(parsed.calibrate.resolve()))
     _report_failures([entry["message"] for entry in report["failed"]], "decisions failed")
-    return 0
 
 
 def _print_decisions(report: dict[str, Any]) -> None:

@@ -20,9 +20,11 @@ from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
-from ..support.files import write_bytes, write_json
+from ..support.files import make_json_digest, write_bytes, write_json
 from ..support.version import version
 from .decisions import pictures
+from .decisions.calibrated_run import CalibratedRun, CalibrationOrder, prepare_calibrated_run
+from .decisions.calibration_file import Conditions
 from .decisions.excavation_progress import find_progress, name_series, name_site
 from .decisions.joint_faults import find_joint_faults
 from .decisions.joint_margin import has_arm
@@ -31,17 +33,19 @@ from .decisions.rules import Rules
 from .decisions.scoop_of_pair import Scoop, find_scoop, locate_scoop, read_stated_joints
 from .decisions.stored_maps import TRUE_DEPTH
 from .decisions.workspace import (
+    DEFAULT_CELL_M,
     DecisionMaps,
     Workspace,
     compare_beside_lander,
     compare_with_truth,
     decide_from_depth,
     disturb_pose,
+    measure_features,
     open_workspace,
     read_sun_direction,
 )
-from .evaluate import list_method_inputs, make_json_digest
-from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
+from .evaluate import list_method_inputs
+from .evaluated_pairs import RenderedPair, Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .fusion.fuse import list_lidar_inputs
 from .images.image_files import write_png
@@ -55,7 +59,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Increased when the same input gives other numbers or files.
-DECISIONS_VERSION = 5
+DECISIONS_VERSION = 6
 _LOG_FILE = "decisions.jsonl"
 _ROW_SHAPE: dict[str, Shape] = {
     "status": TEXT,
@@ -95,6 +99,16 @@ class _DecideRun:
     seed: int
     min_confidence: float
 
+    def prepare_calibrated_run(
+        self, sources: Sequence[Source], order: CalibrationOrder | None, file: Path | None
+    ) -> CalibratedRun:
+        """The calibration that this run makes by ``order`` or takes from ``file``."""
+        own = {m.label: make_json_digest([list_method_inputs(m), *list_lidar_inputs(m, "")]) for m in self.methods}
+        conditions = Conditions(DECISIONS_VERSION, self.rules, self.pose.mm, self.pose.deg, self.min_confidence)
+        folders = {source.name: source.folder for source in sources if isinstance(source, RenderedPair)}
+        bare = CalibratedRun({}, conditions, {TRUE_DEPTH: "", **own}, order)
+        return prepare_calibrated_run(folders, self.response, self.cell_m or DEFAULT_CELL_M, bare, file)
+
     def make_digest(self, source: Source) -> str:
         """A digest of everything that determines the rows of a pair, except their methods."""
         limit = [self.min_confidence] if self.min_confidence else []
@@ -113,6 +127,8 @@ def decide_pairs(
     pose: PoseError = EXACT_POSE,
     seed: int = 0,
     min_confidence: float = 0.0,
+    calibrate: CalibrationOrder | None = None,
+    calibration: Path | None = None,
 ) -> dict[str, Any]:
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
@@ -122,14 +138,19 @@ def decide_pairs(
     ``on_event`` see ``evaluate``. Measurements of less than ``min_confidence``, from 0 to 1, are not used; above 0 a
     method that states no confidence fails.
 
-    Raises IcyMoonError if there is no pair, or if ``out`` contains files of another program.
+    ``calibrate`` writes a calibration from these grounds. ``calibration`` is the file of one that other grounds gave:
+    the chosen sites are guaranteed by it, or the lander abstains.
+
+    Raises IcyMoonError if there is no pair, or if ``out`` contains files of another program; if ``calibrate`` has too
+    few grounds, or ``calibration`` does not hold for these pairs, rules and methods, before anything is written.
     """
     sources = find_sources(paths)
     check_response(sources, response or {})
     names = [source.name for source in sources]
     check_output_folder(out, names, FIRST_BYTES)
-    remove_leftovers(out)
     run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed, min_confidence)
+    calibrated = run.prepare_calibrated_run(sources, calibrate, calibration)
+    remove_leftovers(out)
     log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
     failed = _make_rows(sources, run, log, len(labels), on_event)
@@ -144,7 +165,8 @@ def decide_pairs(
         "pose_error": {"mm": pose.mm, "deg": pose.deg},
         **({"min_confidence": min_confidence} if min_confidence else {}),
     }
-    return write_decisions(
+    rows, verdicts = calibrated.judge(rows)
+    report = write_decisions(
         out,
         rows,
         facts,
@@ -154,7 +176,10 @@ def decide_pairs(
         find_joint_faults(rows, facts, labels),
         failed,
         provenance,
+        verdicts,
     )
+    calibrated.write(verdicts)
+    return report
 
 
 def _make_rows(
@@ -277,7 +302,7 @@ def _decide_with_method(
     start = time.process_time()
     error_px = 0.0 if method is None else workspace.rules.cells.disparity_error_px
     found = decide_from_depth(workspace, depth, pose, error_px)
-    numbers = compare_with_truth(workspace, found)
+    numbers = compare_with_truth(workspace, found) | {"features": measure_features(workspace, found)}
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:

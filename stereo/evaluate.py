@@ -8,8 +8,6 @@ pair at a time is in memory; of the others only the numbers for averages are kep
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..support.errors import IcyMoonError
-from ..support.files import read_checksum
+from ..support.files import make_json_digest, read_checksum
 from ..support.version import version
 from .datasets.predictions import PREDICTION, find_confidence, find_prediction, parse_predictions
 from .environment import packages
@@ -298,11 +296,6 @@ def list_method_inputs(method: Method) -> list[Any]:
         {name: versions[name] for name in ("numpy", "cv2", "torch")},
         *([release] if release else []),
     ]
-
-
-def make_json_digest(data: object) -> str:
-    """A digest of JSON values, sixteen digits."""
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _describe_source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

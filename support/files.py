@@ -140,6 +140,11 @@ def to_json_text(data: object) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
+def make_json_digest(data: object) -> str:
+    """A digest of JSON values, sixteen digits."""
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
 def escape_cell(text: str) -> str:
     """A text for a table: control characters are made visible, and an apostrophe precedes a text that a spreadsheet
     would take for a formula."""

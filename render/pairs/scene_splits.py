@@ -16,6 +16,7 @@ from ...support.foreign_bytes import ForeignBytes, parse_json, parse_toml, read
 from .pair_folder import Pair
 
 _SPLIT_NAME = re.compile(r"[A-Za-z0-9_-]+")
+_EXCAVATION = "excavation"
 #: Default shares of the scenes in each split.
 DEFAULT_SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
@@ -26,13 +27,23 @@ def name_scene(pair: Pair) -> str:
 
     The seed counts. Surfaces, light, cameras and qualities do not: another Sun does not make another scene.
     """
+    return _name_shape(pair, "")
+
+
+def name_undug_ground(pair: Pair) -> str:
+    """The name of the ground and the rocks of a pair before any excavation, as ``name_scene`` makes it."""
+    return _name_shape(pair, _EXCAVATION)
+
+
+def _name_shape(pair: Pair, without: str) -> str:
+    """A digest of the settings of the shape of ground and rocks, without the topic ``without``."""
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     # As with ids of pairs: a setting that a later version adds leaves each scene in its split.
     shape = [
         [name, value]
         for part in pair_ids.list_counted_values(pair.settings)
         for name, value in part
-        if _changes_shape(name)
+        if _changes_shape(name) and not (without and name.startswith(f"{without}."))
     ]
     return hashlib.sha256(json.dumps([shape, own], sort_keys=True).encode()).hexdigest()[:12]
 

@@ -28,6 +28,7 @@ from ..report.page_templates import read_template
 from ..report.pictures import embed_picture
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
+from .calibrated_run import Verdicts
 from .rules import SHIPPED_RULES, Rules
 from .scores import ROC_FALSE_SAFE_SHARES
 from .stored_maps import TRUE_DEPTH
@@ -36,6 +37,7 @@ from .stored_maps import TRUE_DEPTH
 _Entries = Sequence[Mapping[str, Any]]
 FORMAT = "icymoon-decisions"
 VERSION = 1
+_NO_VERDICTS = Verdicts()
 #: The files beside ``pairs/``, and the first bytes of each.
 FIRST_BYTES = {
     "decisions.jsonl": b'{"pair": ',
@@ -161,6 +163,7 @@ def write_decisions(
     faults: _Entries,
     failed: _Entries,
     provenance: Mapping[str, Any],
+    verdicts: Verdicts = _NO_VERDICTS,
 ) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return the content of the JSON.
 
@@ -168,11 +171,16 @@ def write_decisions(
     """
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
-    head = [*make_head_sentences(summary, facts), *_make_volume_sentences(progress), *_make_fault_sentences(faults)]
+    head = [
+        *make_head_sentences(summary, facts),
+        *verdicts.sentences,
+        *_make_volume_sentences(progress),
+        *_make_fault_sentences(faults),
+    ]
     limit = provenance.get("min_confidence")
     notes = [
         *([f"Measurements of less confidence than {limit:g} are not used."] if limit else []),
-        *find_notes(rows, facts),
+        *find_notes(rows, facts, verdicts.guarantee is None),
         *(note for entry in progress for note in entry["notes"]),
         *dict.fromkeys(entry["note"] for entry in faults if entry["note"]),
     ]
@@ -184,6 +192,7 @@ def write_decisions(
         "comparisons": found,
         "progress": list(progress),
         "faults": list(faults),
+        "guarantee": None if verdicts.guarantee is None else dict(verdicts.guarantee),
         "rules": rules.to_json(),
         "failed": list(failed),
         "notes": notes,
@@ -384,8 +393,8 @@ def _format_percent(share: float) -> str:
     return f"{100 * share:.0f}" if share == 0 or share >= 0.005 else "fewer than 1"
 
 
-def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
-    """Sentences on the limits of the numbers."""
+def find_notes(rows: _Entries, facts: _Entries, on_choices: bool = True) -> list[str]:
+    """Sentences on the limits of the numbers; ``on_choices`` includes the risk of a choice without a guarantee."""
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
         *_find_notes_on_heights(rows, facts),
@@ -394,7 +403,7 @@ def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
         *_find_notes_on_pairs(rows, facts),
         *advice,
         *_find_notes_on_scenes(rows, facts),
-        *_find_notes_on_choices(rows, facts),
+        *(_find_notes_on_choices(rows, facts) if on_choices else ()),
     ]
 
 
@@ -538,7 +547,8 @@ def _find_notes_on_choices(rows: _Entries, facts: _Entries) -> Iterator[str]:
 def _make_csv(rows: _Entries) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["pair", "method", "status", "base_rate", *(column.key for column in COLUMNS)])
+    keys = (column.key for column in COLUMNS)
+    writer.writerow(["pair", "method", "status", "base_rate", *keys, "chosen_margin", "guarantee"])
     for row in rows:
         rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
         numbers = [read_number(row, column) for column in COLUMNS]
@@ -549,9 +559,17 @@ def _make_csv(rows: _Entries) -> str:
                 row["status"],
                 "" if rate is None else f"{rate:.6g}",
                 *("" if math.isnan(number) else f"{number:.6g}" for number in numbers),
+                *_list_guarantee_cells(row),
             ]
         )
     return stream.getvalue()
+
+
+def _list_guarantee_cells(row: Mapping[str, Any]) -> tuple[str, str]:
+    """The margin of the chosen site, and the verdict of a calibration; empty where undefined."""
+    margin = row["numbers"]["sites"]["chosen_margin"] if row["numbers"] else None
+    verdict = row.get("guarantee")
+    return "" if margin is None else f"{margin:.6g}", verdict["verdict"] if verdict else ""
 
 
 def _render_page(

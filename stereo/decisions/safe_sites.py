@@ -60,8 +60,9 @@ class SiteLayers:
 
 @dataclass(frozen=True)
 class Sites:
-    """A suitability map. ``margin`` is the least of ``(limit - value) / limit`` over the rules: safe from 0 on, at most
-    1, minus infinity where a value is unknown. ``failed`` is SAFE or the code of the first rule that fails.
+    """A suitability map. ``margin`` is the least over the rules of the way from the limit to the value: safe from 0 on,
+    at most 1, minus infinity where a value is unknown. Its unit is the limit; a share that meets its limit has the way
+    from the limit to 1 as its unit. ``failed`` is SAFE or the code of the first rule that fails.
     """
 
     margin: Array
@@ -128,15 +129,15 @@ def measure_layers(
 def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     """The suitability map of layers by rules."""
     margins = [
-        _margin_above(layers.known_share, rules.known_share),
+        _margin_of_share(layers.known_share, rules.known_share),
         _margin_below(layers.slope_deg, rules.slope_deg),
         _margin_below(layers.roughness_m, rules.roughness_m),
         _margin_above(layers.rock_distance_m, rules.rock_distance_m),
         _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
-        _margin_above(layers.lit_share, rules.lit_share),
-        _limit_margin(_margin_above, layers.albedo, rules.least_albedo),
+        _margin_of_share(layers.lit_share, rules.lit_share),
+        _limit_margin(_margin_of_share, layers.albedo, rules.least_albedo),
         _limit_margin(_margin_below, layers.albedo, rules.most_albedo),
-        _limit_margin(_margin_above, layers.salt_share, rules.salt_share),
+        _limit_margin(_margin_of_share, layers.salt_share, rules.salt_share),
     ]
     margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
@@ -161,6 +162,16 @@ def _margin_below(value: Array, limit: float) -> Array:
 
 def _margin_above(value: Array, limit: float) -> Array:
     return (value - limit) / limit
+
+
+def _margin_of_share(value: Array, limit: float) -> Array:
+    """The margin of a share above its least value, 1 for the whole.
+
+    In units of the limit, ground that is known as a whole would have 0.11 at a limit of 0.9. This least margin over the
+    rules would be the same for all good sites, and rank none of them.
+    """
+    room = 1.0 - limit
+    return np.where(value < limit, (value - limit) / limit, (value - limit) / room if room > 0 else 1.0 + 0.0 * value)
 
 
 def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:

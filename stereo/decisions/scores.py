@@ -14,6 +14,8 @@ from .safe_sites import RULE_NAMES, Sites, choose_site
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
 ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
+#: Margins at which the taken cells are counted, from the strictest on. They are fixed before any ground is seen.
+THRESHOLDS = tuple(round(1 - k / 100, 2) for k in range(101))
 #: Rounding of a margin that does not make a site dangerous.
 _ROUNDING = 1e-12
 
@@ -34,6 +36,8 @@ def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0
       has a safe one, else 0. ``dangerous_choice``: 1 if the chosen site is dangerous, else 0.
     * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true one,
       ``chosen_true_margin``; ``best``: the safe site with the largest true margin.
+    * ``taken_from`` and ``unsafe_from``: numbers of taken cells with at least each margin of ``THRESHOLDS``, and of the
+      unsafe ones among them.
     * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
@@ -49,6 +53,7 @@ def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0
         "lost_by": _count_lost_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
     }
     result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance)
+    result |= {"taken_from": _count_from(margin[taken]), "unsafe_from": _count_from(margin[taken & ~safe])}
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
 
@@ -108,6 +113,12 @@ def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float) ->
         "chosen_margin": float(found.margin[place]),
         "chosen_true_margin": margin if np.isfinite(margin) else None,
     }
+
+
+def _count_from(margin: Array) -> list[int]:
+    """The numbers of margins (n,) that are at least each of ``THRESHOLDS``."""
+    below = np.searchsorted(np.sort(margin), THRESHOLDS, side="left")
+    return [int(margin.size - count) for count in below]
 
 
 def _divide_or_none(part: float, whole: float) -> float | None:

@@ -19,6 +19,8 @@ from .dem import Grid, read_cells
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
 #: The label of the row of the true depth, which shows the effect of the rules, the cells and hidden ground alone.
 TRUE_DEPTH = "true depth"
+#: The action of a lander on a pair: take the chosen site, abstain, or abstain on ground without a guarantee.
+GUARANTEED, ABSTAINS, UNLIKE = "guaranteed", "abstains", "unlike"
 _DECIDE_AGAIN = "press Decide Where to Dig again"
 _REPORT_SHAPE = {
     "rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
@@ -27,6 +29,7 @@ _REPORT_SHAPE = {
             "pair": FILE_NAME,
             "method": TEXT,
             "images": Each(TEXT, TEXT),
+            "guarantee": Maybe({"verdict": TEXT}, null=True),
             "numbers": Maybe({"sites": {"chosen": Maybe(Each(COUNT), null=True)}}, null=True),
         }
     ),
@@ -55,6 +58,7 @@ class StoredMap:
     chosen: tuple[int, int] | None  # row and column of the chosen site
     disc_m: float  # diameter of the footprint
     slope_deg: float  # the slope that the rules allow
+    guarantee: str = ""  # the verdict of a calibration, see ``GUARANTEED``; empty without a calibration
 
 
 def list_methods(folder: Path) -> list[str]:
@@ -94,6 +98,7 @@ def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
         _find_chosen_cell(row["numbers"]["sites"].get("chosen"), grid),
         site["disc_m"],
         site["slope_deg"],
+        (row.get("guarantee") or {}).get("verdict", ""),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...physics.light.sky import elevation_deg
 from ...render.pairs.pair_folder import Pair, refuse_rolling_shutter
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -40,6 +42,8 @@ DEFAULT_CELL_M = 0.02
 _LANDER_CLASS = 2
 #: Distance from the lander, px, within which a depth may be the lander's: half of StereoBM's default window of 17.
 _LANDER_MARGIN_PX = 8
+#: Numbers of a decision that a lander knows without the truth, by which grounds are compared.
+FEATURES = ("known share", "slope", "roughness", "share near rocks", "share in light", "contrast", "Sun's elevation")
 #: Share from which on a footprint is inside the workspace: all of it, with a margin for rounding.
 _WHOLE_SHARE = 1 - 1e-6
 
@@ -192,6 +196,31 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
         "dem": errors,
         "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance),
         "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
+    }
+
+
+def measure_features(workspace: Workspace, found: DecisionMaps) -> dict[str, float]:
+    """The numbers ``FEATURES`` of a decision, over the cells whose whole footprint is in the workspace: mean or median;
+    slope in degrees, roughness in mm, contrast as standard deviation over mean of the image of the ground. Unknown
+    numbers are 0. They are rounded, so that noise of the computation makes no ground unlike others.
+    """
+    layers, inside = found.sites.layers, workspace.inside
+    image = workspace.prepared.left.astype(np.float64)
+    ground = image[workspace.prepared.known & find_ground_pixels(workspace.prepared)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of cells that are all unknown
+        numbers = (
+            layers.known_share[inside].mean(),
+            np.nanmedian(layers.slope_deg[inside]),
+            1000 * np.nanmedian(layers.roughness_m[inside]),
+            (layers.rock_distance_m[inside] < workspace.rules.site.rock_distance_m).mean(),
+            np.nanmean(layers.lit_share[inside]),
+            ground.std() / ground.mean(),
+            elevation_deg(read_sun_direction(workspace.pair)),
+        )
+    return {
+        name: round(float(number), 3) if np.isfinite(number) else 0.0
+        for name, number in zip(FEATURES, numbers, strict=True)
     }
 
 

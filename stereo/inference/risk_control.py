@@ -25,6 +25,8 @@ from ...support.arrays import Array
 
 #: Standard deviation of a normal distribution over its median absolute deviation.
 _DEVIATION_OF_MEDIAN = 1.4826
+#: The same over its mean absolute deviation.
+_DEVIATION_OF_MEAN = math.sqrt(math.pi / 2)
 #: Rounding of sums of losses.
 _ROUNDING = 1e-9
 
@@ -129,14 +131,17 @@ def compare_with_grounds(features: Array, new: Array) -> Likeness:
     """A conformal test of whether a ground is like the calibration grounds.
 
     ``features`` (grounds, K) and ``new`` (K,) are numbers of each ground. The score of a ground is its largest distance
-    from the median of a feature, in median absolute deviations. Both are over all grounds and the new one, so that all
-    have equal parts and the p-value is exact: of like grounds, a share of at most p has a p-value of at most p. A small
-    p shows that the ground differs. A large p shows nothing: it may differ in what no feature measures.
+    from the median of a feature, in median absolute deviations, or in mean ones if more than half of the grounds have
+    the median. All are over all grounds and the new one, so that all have equal parts and the p-value is exact: of like
+    grounds, a share of at most p has a p-value of at most p. A small p shows that the ground differs. A large p shows
+    nothing: it may differ in what no feature measures.
     """
     pooled = np.concatenate([features, new[None]])
     middle = np.median(pooled, axis=0)
     off = np.abs(pooled - middle)
     spread = _DEVIATION_OF_MEDIAN * np.median(off, axis=0)
-    scaled = np.divide(off, spread, out=np.where(off > 0, np.inf, 0.0), where=spread > 0)
+    # In units of 0, the few grounds without the median would be further off than any ground by another feature.
+    spread = np.where(spread > 0, spread, _DEVIATION_OF_MEAN * off.mean(axis=0))
+    scaled = np.divide(off, spread, out=np.zeros_like(off), where=spread > 0)
     score = scaled.max(axis=1)
     return Likeness(float((score >= score[-1]).mean()), int(scaled[-1].argmax()))

@@ -28,7 +28,7 @@ from ..measure.row_metrics import disparity_to_depth
 
 #: Limits within which decisions count as the same, doubts included: the share of the cells in reach that are decided
 #: differently, the change of the share of unsafe cells that are taken for safe, and the additional regret of the chosen
-#: site. They are chosen: a twentieth of the map, a hundredth that endangers, a tenth of a rule's limit.
+#: site. They are chosen: a twentieth of the map, a hundredth that endangers, a tenth of a margin.
 MOST_OTHERWISE_SHARE, MOST_UNSAFE_SHARE, MOST_REGRET = 0.05, 0.01, 0.1
 RULE = (
     f"Decisions are the same if at most {100 * MOST_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "

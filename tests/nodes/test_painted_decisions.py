@@ -121,6 +121,10 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     assert {"Chosen site, magenta ring", "Reach of the arm, cyan line"} <= told
     for item, colour in ((site, (255, 0, 188)), (reach, (0, 243, 255))):  # as the view shows them in each Blender
         assert (colours(item.data) == colour).all()
+    painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), guarantee="abstains"), "bm")
+    told = {text for text, _ in painted_decisions.make_legend(bpy.context.scene)}
+    assert "Abstains from this site, magenta ring" in told
+    assert not any(text.startswith("Chosen") for text in told)
     none = painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.meshes

@@ -45,18 +45,24 @@ def commands(monkeypatch):
 
 
 @pytest.mark.usefixtures("scene")
-def test_rules_of_ones_own_reach_the_evaluator(tmp_path, commands):
+def test_files_of_ones_own_reach_the_evaluator(tmp_path, commands):
     with pytest.raises(RuntimeError, match="not started here"):
         bpy.ops.icymoon.decide_by_rules(filepath=str(tmp_path / "mine.toml"))
     with pytest.raises(RuntimeError, match="not started here"):
         bpy.ops.icymoon.decide()
-    own, shipped = commands
-    assert own[own.index("--rules") + 1] == str(tmp_path / "mine.toml")
-    assert [*own[: own.index("--rules")], *own[own.index("--rules") + 2 :]] == shipped
+    with pytest.raises(RuntimeError, match="not started here"):
+        bpy.ops.icymoon.decide_with_guarantee(filepath=str(tmp_path / "calibration.json"))
+    own, shipped, guaranteed = commands
+    for command, option, name in ((own, "--rules", "mine.toml"), (guaranteed, "--calibration", "calibration.json")):
+        at = command.index(option)
+        assert command[at + 1] == str(tmp_path / name)
+        assert [*command[:at], *command[at + 2 :]] == shipped
 
 
 @pytest.mark.usefixtures("scene")
 def test_without_a_file_nothing_is_decided(commands):
     with pytest.raises(RuntimeError, match="the file of rules is empty"):
         bpy.ops.icymoon.decide_by_rules(filepath="")
+    with pytest.raises(RuntimeError, match="the file of a calibration is empty"):
+        bpy.ops.icymoon.decide_with_guarantee(filepath="")
     assert not commands

@@ -32,6 +32,7 @@ CHANGE_NOTHING = {
     "evaluate_folder",
     "decide",
     "decide_by_rules",
+    "decide_with_guarantee",
     "reproduce",
     "export_pairs",
     "scan_lidar",

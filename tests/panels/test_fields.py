@@ -31,6 +31,7 @@ OTHER_WORDS = {
     "icymoon.evaluate",
     "icymoon.evaluate_folder",
     "icymoon.decide_by_rules",
+    "icymoon.decide_with_guarantee",
     "icymoon.trade",
     "icymoon.auto_quality",
     "icymoon.reproduce",

@@ -30,6 +30,7 @@ SOUGHT = {
     "Decisions on Ground": "icymoon.paint_decisions",
     "Where to Dig": "icymoon.decide",
     "own rules": "icymoon.decide_by_rules",
+    "guarantee": "icymoon.decide_with_guarantee",
     "Lander": "icymoon.load_preset",
     "dry run": "icymoon.plan_dry_run",
     "true depth": "icymoon.show_pair",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,8 @@ from icymoon.formats import geotiff
 from icymoon.stereo import decide
 from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
-from icymoon.stereo.decisions import workspace
+from icymoon.stereo.decisions import calibration, workspace
+from icymoon.stereo.decisions.calibrated_run import CalibrationOrder
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb_pose
 from icymoon.stereo.fusion import fuse
@@ -210,6 +212,53 @@ def test_wrong_options_are_sentences_and_write_nothing(dataset, tmp_path, capsys
     assert not (tmp_path / "out").exists()
 
 
+def test_wrong_options_of_calibrations_are_sentences_and_write_nothing(tmp_path, capsys):
+    pair = str(workspaces.write(tmp_path / "pair"))
+    for wrong, reason in (
+        (["--calibrate", "c.json"], "1 ground cannot guarantee a risk of at most 5 % with 95 % confidence"),
+        (["--calibrate", "c.json", "--alpha", "0"], "--alpha is 0; give a number from 0.001 to 0.5"),
+        (["--calibrate", "c.json", "--groups", "nothing"], "--groups: nothing is not a setting"),
+        (["--calibrate", "c.json", "--calibration", "c.json"], "exclude each other"),
+        (["--calibration", "nowhere.json"], "nowhere.json cannot be read"),
+        (["--delta", "0.1"], "--delta is an option of a calibration; add --calibrate FILE"),
+    ):
+        assert main(["decide", pair, "--out", str(tmp_path / "out"), *wrong]) == 1
+        said = capsys.readouterr().err
+        assert reason in said
+        assert said.count("\n") == 1
+        assert not (tmp_path / "out").exists()
+
+
+def test_a_calibration_guarantees_sites_of_other_grounds(dataset, tmp_path, monkeypatch):
+    """By the true depth, whose choices are safe, on two grounds: the fewest for half of the risk on average."""
+    monkeypatch.setattr(calibration, "MOST_UNLIKE_P", 0.4)
+    for k, folder in enumerate((dataset / "pairs" / "a", dataset / "pairs" / "b", workspaces.write(tmp_path / "new"))):
+        data = json.loads((folder / "pair.json").read_text())
+        data["settings"]["dataset"]["seed"] = k + 1
+        (folder / "pair.json").write_text(json.dumps(data))
+    file, rules = tmp_path / "calibration.json", read_rules()
+    goal = calibration.Goal(alpha=0.4, procedure=calibration.CONFORMAL)
+    order = CalibrationOrder(file, replace(goal, alpha=0.3))
+    with pytest.raises(IcyMoonError, match="2 grounds cannot guarantee"):
+        decide_pairs([dataset], [], tmp_path / "out", rules, calibrate=order)
+    assert not (tmp_path / "out").exists()
+    assert not file.exists()
+    report = decide_pairs([dataset], [], tmp_path / "out", rules, calibrate=replace(order, goal=goal))
+    assert report["head"][1].startswith("With the true depth, sites from a margin of 0.00 on are guaranteed")
+    assert report["guarantee"] is None
+    found = decide_pairs([tmp_path / "new"], [], tmp_path / "used", rules, calibration=file)
+    assert [found["guarantee"]["methods"][0][key] for key in ("grounds", "acted", "unsafe")] == [1, 1, 0]
+    assert found["rows"][0]["guarantee"]["verdict"] == "guaranteed"
+    assert "Guaranteed sites" in (tmp_path / "used" / "decisions.html").read_text(encoding="utf-8")
+    with (tmp_path / "used" / "decisions.csv").open(encoding="utf-8", newline="") as stream:
+        (line,) = csv.DictReader(stream)
+    assert line["guarantee"] == "guaranteed"
+    assert float(line["chosen_margin"]) == pytest.approx(found["rows"][0]["numbers"]["sites"]["chosen_margin"], 1e-5)
+    with pytest.raises(IcyMoonError, match="with the ground of a; give pairs of other seeds"):
+        decide_pairs([dataset], [], tmp_path / "refused", rules, calibration=file)
+    assert not (tmp_path / "refused").exists()
+
+
 def test_a_series_has_its_volumes_and_none_is_noticed_without_pairs_in_which_nothing_was_dug(tmp_path):
     for state, lowered_m in enumerate((0.0, 0.05, 0.1)):
         write_state(tmp_path / "set" / "pairs" / "abc"[state], state, lowered_m)
@@ -274,7 +323,7 @@ def test_states_without_true_heights_have_the_same_cells_although_the_camera_mov
 
 def test_too_small_cells_are_noted(tmp_path):
     workspaces.write(tmp_path / "pair", exact=False)
-    notes = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.0015)["notes"]
+    notes = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.004)["notes"]
     assert any("too few pixels" in note for note in notes)
     assert not any("too few pixels" in note for note in run([tmp_path / "pair"], tmp_path / "b", cell_m=0.05)["notes"])
 

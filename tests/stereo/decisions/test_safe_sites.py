@@ -44,8 +44,7 @@ def test_level_ground_is_safe_but_for_its_border():
     sites = judge_sites(layers_of(level()), RULE)
     assert sites.safe[10:-10, 10:-10].all()
     assert (sites.failed[0] == UNKNOWN).all()
-    # The known share is the least margin there: 0.1 of 0.9.
-    assert sites.margin[80, 80] == pytest.approx((1 - RULE.known_share) / RULE.known_share)
+    assert sites.margin[80, 80] == 1.0
 
 
 def test_each_rule_fails_where_it_is_broken():
@@ -113,10 +112,29 @@ def test_a_lower_rule_takes_no_more_cells():
     assert 0 < wide.sum() < wide.size
 
 
+def test_margins_rank_sites_that_are_known_as_a_whole():
+    """Two thirds of the limit remain at 5 of 15 degrees, and half of the room from 0.9 to 1 at a share of 0.95."""
+    height = np.tan(np.radians(5.0)) * CELL * np.mgrid[:SIZE, :SIZE][1]
+    layers = layers_of(height)
+    assert judge_sites(layers, RULE).margin[80, 80] == pytest.approx(2 / 3)
+    for key, share, margin in (
+        ("known_share", 0.95, 0.5),
+        ("lit_share", 0.9, 0.5),
+        ("known_share", 0.9, 0.0),
+        ("known_share", 0.81, -0.1),  # below the limit the unit is the limit, as for all rules
+        ("lit_share", 0.4, -0.5),
+    ):
+        found = judge_sites(replace(layers, **{key: np.full(height.shape, share)}), RULE)
+        assert found.margin[80, 80] == pytest.approx(margin)
+        assert found.safe[80, 80] == (margin >= 0)
+    whole = replace(RULE, known_share=1.0)
+    assert judge_sites(layers, whole).margin[80, 80] == pytest.approx(2 / 3)
+
+
 def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
     sites = judge_sites(layers_of(level()), RULE)
     assert choose_site(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
-    best = replace(sites, margin=sites.margin.copy())
+    best = replace(sites, margin=np.minimum(sites.margin, 0.4))
     best.margin[30, 40] = 0.5
     assert choose_site(best, np.ones((SIZE, SIZE), bool)) == (30, 40)
     assert choose_site(best, np.zeros((SIZE, SIZE), bool)) is None

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.stereo.decisions.safe_sites import SAFE, SiteLayers, Sites
-from icymoon.stereo.decisions.scores import rank_scores, score_sites
+from icymoon.stereo.decisions.scores import THRESHOLDS, rank_scores, score_sites
 
 ALL = np.ones((40, 50), bool)
 NONE = SiteLayers(*([np.zeros(ALL.shape)] * 6))
@@ -53,6 +53,18 @@ def test_counts_by_hand():
     assert found["cells"] == [2000, 500, 500, 100]
     assert (found["base_rate"], found["taken"], found["precision"], found["recall"]) == (0.25, 0.25, 0.2, 0.2)
     assert (found["false_safe"], found["safe_lost"]) == (0.8, 0.8)
+    margin.ravel()[850:900] = 0.7  # of unsafe cells
+    found = score_sites(sites(margin), truth, ALL)
+    for threshold, taken, unsafe in (
+        (1.0, 0, 0),
+        (0.71, 0, 0),
+        (0.7, 50, 50),
+        (0.31, 50, 50),
+        (0.3, 500, 400),
+        (0, 500, 400),
+    ):
+        at = THRESHOLDS.index(threshold)
+        assert (found["taken_from"][at], found["unsafe_from"][at]) == (taken, unsafe)
 
 
 def test_equal_scores_are_one_step():

@@ -53,6 +53,16 @@ def test_what_was_written_is_read(decided):
     assert np.mean(np.abs(exact.values) < 1e-3) > 0.5
 
 
+def test_the_verdict_of_a_calibration_is_read(decided, tmp_path):
+    copy = copied(decided, tmp_path)
+    report = json.loads((copy / "decisions.json").read_text())
+    for row in report["rows"]:
+        row["guarantee"] = {"verdict": "abstains"} if row["method"] == "bm" else None
+    (copy / "decisions.json").write_text(json.dumps(report))
+    assert read_map(copy, "a", "bm", SLOPE).guarantee == "abstains"
+    assert read_map(copy, "a", TRUE_DEPTH, SLOPE).guarantee == read_map(decided, "a", "bm", SLOPE).guarantee == ""
+
+
 def test_an_arms_reach_is_read(decided, tmp_path):
     copy = copied(decided, tmp_path)
     change(copy, arm=True)

@@ -119,3 +119,13 @@ def test_like_grounds_have_uniform_p_values_and_others_small_ones():
     constant = np.ones((30, 1))
     assert compare_with_grounds(constant, np.array([1.0])).p == 1.0
     assert compare_with_grounds(constant, np.array([1.1])).p == pytest.approx(1 / 31)
+
+
+def test_a_feature_that_most_grounds_share_hides_no_other():
+    """A tenth of the grounds are partly dark, and all others are lit: a strange slope is still the strangest."""
+    random = np.random.default_rng(8)
+    features = np.stack([np.where(np.arange(60) < 6, 0.9, 1.0), random.normal(5.0, 1.0, 60)], axis=1)
+    found = compare_with_grounds(features, np.array([1.0, 30.0]))
+    assert (found.p, found.feature) == (pytest.approx(1 / 61), 1)
+    assert compare_with_grounds(features, np.array([0.9, 5.0])).p > 0.05
+    assert compare_with_grounds(features, np.array([0.2, 5.0])).p == pytest.approx(1 / 61)

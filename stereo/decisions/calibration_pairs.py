@@ -1,0 +1,90 @@
+"""The statements of pairs before their images are read: the ground, the group of the ground, and the devices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...render.pairs.pair_folder import Pair
+from ...render.pairs.scene_splits import name_undug_ground
+from ...settings.description import merged
+from ...settings.table import TOPICS
+from ...support.errors import IcyMoonError
+from ...support.files import make_json_digest, shorten
+from ...support.suggestions import suggest_nearest
+
+#: Settings of a rig that a plan varies from pair to pair: they aim and move the rig, and are no part of it.
+_PLACE_SETTINGS = ("x_m", "y_m", "z_m", "height_from", "heading_deg", "pitch_deg", "roll_deg", "frame", "stamp")
+#: The topics of each device, in words of a sentence.
+_TOPICS_BY_DEVICE = {
+    "rig": ("rig", "left_eye", "right_eye", "calibration_error"),
+    "camera response": ("sensor",),
+    "render quality": ("quality",),
+}
+#: Settings that change no image of one render, or only the noise that is drawn.
+_SETTINGS_LEFT_OUT = ("noise_seed",)
+CELLS = "size of cells"
+
+
+@dataclass(frozen=True)
+class StatedPair:
+    """The ground of a pair before any excavation, its group, and digests of its devices by name."""
+
+    ground: str
+    group: str
+    devices: Mapping[str, str]
+
+
+def state_pair(
+    pair: Pair, response: Mapping[str, Mapping[str, Any]], group_by: Sequence[str], cell_m: float
+) -> StatedPair:
+    """The statements of a pair that is developed with ``response``.
+
+    ``group_by`` are names of settings, ``topic.key``. ``cell_m`` is the side of a cell if the pair states none.
+    """
+    settings = merged(pair.settings, response)
+    devices = {
+        name: make_json_digest(
+            [
+                [topic, setting.key, settings[topic][setting.key]]
+                for topic in topics
+                for setting in TOPICS[topic].settings
+                if setting.effect != "run"
+                and setting.key not in (*_PLACE_SETTINGS, *_SETTINGS_LEFT_OUT)
+                and settings[topic][setting.key] != setting.default  # so that a new setting changes no digest
+            ]
+        )
+        for name, topics in _TOPICS_BY_DEVICE.items()
+    }
+    stated = pair.data.get("workspace")
+    devices[CELLS] = f"{float(stated['cell_m'] if stated else cell_m):g} m"
+    return StatedPair(name_undug_ground(pair), name_group(settings, group_by), devices)
+
+
+def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:
+    """The name of the group with these settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
+    values = [name.split(".") for name in group_by]
+    return ", ".join(f"{topic}.{key}={_show_value(settings[topic][key])}" for topic, key in values)
+
+
+def check_group_settings(group_by: Sequence[str]) -> None:
+    """Raise IcyMoonError unless these are names of different settings that a group can be named by."""
+    known = {
+        f"{topic.key}.{setting.key}"
+        for topic in TOPICS.values()
+        for setting in topic.settings
+        if setting.kind != "list" and not topic.plugin
+    }
+    for name in group_by:
+        if name not in known:
+            raise IcyMoonError(
+                f"--groups: {shorten(name)} is not a setting, "
+                f"{suggest_nearest(name, known, otherwise='such as light.sun_elevation_deg.')}"
+            )
+    if len(set(group_by)) < len(group_by):
+        raise IcyMoonError("--groups names a setting twice; name each once.")
+
+
+def _show_value(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
