@@ -30,7 +30,7 @@ from ..support.terminal import (
 )
 from .environment import packages
 from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins, list_options, list_packages
-from .learning.train_command import add_train_options, run_train
+from .train_command import add_train_options, run_train
 
 if TYPE_CHECKING:
     from .decisions.calibrated_run import CalibrationOrder

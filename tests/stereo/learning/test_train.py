@@ -127,10 +127,10 @@ def test_the_files_of_grounds_that_are_out_of_use_are_removed(tmp_path):
 
 
 def test_the_command_trains_goes_on_and_refuses(tmp_path, monkeypatch, capsys):
-    from icymoon.stereo import cli
-    from icymoon.stereo.learning import sources, train
+    from icymoon.stereo import cli, training_data
+    from icymoon.stereo.learning import train
 
-    monkeypatch.setattr(sources, "MadePairs", lambda split, seed, crop_px: FakePairs())
+    monkeypatch.setattr(training_data, "MadePairs", lambda split, seed, crop_px: FakePairs())
     monkeypatch.setattr(train, "Plan", lambda **given: replace(PLAN, **given))
     words = ["train", "--out", str(tmp_path), "--batch", "2"]
     assert cli.main([*words, "--steps", "2"]) == 0

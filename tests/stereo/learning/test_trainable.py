@@ -10,10 +10,10 @@ import pairs
 import pytest
 import torch
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.learning import sources
-from icymoon.stereo.learning.sources import MADE, open_sources
+from icymoon.stereo import training_data
 from icymoon.stereo.learning.train import CachedGrounds, Plan, Run
 from icymoon.stereo.learning.trainable import find_trainable
+from icymoon.stereo.training_data import MADE, open_sources
 from icymoon.support.errors import IcyMoonError
 from torch import nn
 
@@ -56,7 +56,7 @@ def dataset(tmp_path_factory):
 
 @pytest.fixture
 def grounds(dataset, monkeypatch):
-    monkeypatch.setattr(sources, "Dataset", lambda *words, **given: _all_pairs(*words, **given))
+    monkeypatch.setattr(training_data, "Dataset", lambda *words, **given: _all_pairs(*words, **given))
     return CachedGrounds(open_sources([str(dataset)], PLAN.pair_px, 0))
 
 
@@ -96,7 +96,7 @@ def test_pairs_of_a_data_set_come_all_before_one_comes_again(grounds, dataset, t
 
 
 def test_sources_take_turns(dataset, monkeypatch):
-    monkeypatch.setattr(sources, "Dataset", _all_pairs)
+    monkeypatch.setattr(training_data, "Dataset", _all_pairs)
     both = open_sources([MADE, str(dataset)], (64, 48), 5)
     assert both.name == f"train-5+{dataset.name}-5"
     alone = open_sources([str(dataset)], (64, 48), 5)

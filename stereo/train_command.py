@@ -8,9 +8,9 @@ import time
 from collections import deque
 from pathlib import Path
 
-from ...support import printer
-from ...support.errors import IcyMoonError
-from ...support.terminal import add_json_lines, as_path, check_least, tell_events
+from ..support import printer
+from ..support.errors import IcyMoonError
+from ..support.terminal import add_json_lines, as_path, check_least, tell_events
 
 #: Packages that training imports.
 _PACKAGES = ("torch", "safetensors", "onnx", "matplotlib", "cv2")
@@ -61,9 +61,9 @@ def run_train(parsed: argparse.Namespace) -> int:
     _require_packages()
     import torch
 
-    from .sources import open_sources
-    from .train import WEIGHTS_FILE, CachedGrounds, Plan, Run
-    from .trainable import find_trainable
+    from .learning.train import WEIGHTS_FILE, CachedGrounds, Plan, Run
+    from .learning.trainable import find_trainable
+    from .training_data import open_sources
 
     torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
     plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, steps_per_ground=15)
