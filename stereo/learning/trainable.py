@@ -14,14 +14,8 @@ from dataclasses import dataclass
 from torch import Tensor, nn
 
 from ...support.errors import IcyMoonError
-from ..networks.dsmnet import DSMNet
+from ..matchers import load_matcher
 from ..networks.icynet import IcyNet
-from ..networks.igev import IGEVStereo
-
-#: Iterations of IGEV in training, which its authors take 22 of.
-_IGEV_ITERATIONS = 12
-#: Least deviation of an image that is brought to deviation 1.
-_LEAST_DEVIATION = 1e-3
 
 
 @dataclass(frozen=True)
@@ -50,35 +44,16 @@ def _run_icynet(network: nn.Module, left: Tensor, right: Tensor, range_px: int) 
     return Found(*network.forward_with_costs(left, right))
 
 
-def _run_igev(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
-    eyes = (255.0 * image.expand(-1, 3, -1, -1) for image in (left, right))
-    return Found(network(*eyes, _IGEV_ITERATIONS)[:, 0])
-
-
-def _run_dsmnet(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
-    return Found(network(*(_standardize(image).expand(-1, 3, -1, -1) for image in (left, right))))
-
-
-def _standardize(image: Tensor) -> Tensor:
-    """Images of mean 0 and deviation 1."""
-    mean, spread = image.mean((1, 2, 3), keepdim=True), image.std((1, 2, 3), keepdim=True)
-    return (image - mean) / spread.clamp(min=_LEAST_DEVIATION)
-
-
 ICYNET = Trainable("icynet", IcyNet, _run_icynet)
-_KNOWN = {
-    each.name: each
-    for each in (ICYNET, Trainable("igev", IGEVStereo, _run_igev), Trainable("dsmnet", DSMNet, _run_dsmnet))
-}
 
 
 def find_trainable(text: str) -> Trainable:
-    """The network of a name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if there is none."""
-    if text in _KNOWN:
-        return _KNOWN[text]
+    """The network of a matcher's name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if there is none."""
+    if text == ICYNET.name:
+        return ICYNET
     module, _, name = text.partition(":")
     if not (module and name):
-        raise IcyMoonError(f"There is no network {text!r} to train; choose {', '.join(_KNOWN)} or MODULE:FUNCTION.")
+        return _find_matchers_network(text)
     try:
         make = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
@@ -86,6 +61,15 @@ def find_trainable(text: str) -> Trainable:
             f"{text} cannot be loaded ({error}); start the command where {module}.py is, and name a function of it."
         ) from None
     return Trainable(text, make, _run_own)
+
+
+def _find_matchers_network(name: str) -> Trainable:
+    """The network of a matcher whose module has ``NETWORK`` and ``apply_in_training``."""
+    matcher = getattr(load_matcher(name), "loaded", None)
+    network, apply = (getattr(matcher, each, None) for each in ("NETWORK", "apply_in_training"))
+    if network is None or apply is None:
+        raise IcyMoonError(f"The matcher {name} has no network to train; take icynet, igev, or MODULE:FUNCTION.")
+    return Trainable(name, network.build, lambda net, left, right, range_px: Found(apply(net, left, right)))
 
 
 def _run_own(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:

@@ -17,7 +17,7 @@ from . import network_matchers
 from .plug_in import MatchContext
 
 if TYPE_CHECKING:
-    from torch import nn
+    from torch import Tensor, nn
 
 TITLE = "DSMNet"
 NEEDS = "PyTorch and a checkpoint"
@@ -31,6 +31,9 @@ OPTIONS = network_matchers.OPTIONS | {
     "crop_height": {**_CROP, "doc": "Rows used, from the middle; 0 for all"},
     "crop_width": {**_CROP, "doc": "Columns used, from the middle; 0 for all"},
 }
+
+#: Least deviation of an image that is brought to deviation 1 in training.
+_LEAST_DEVIATION = 1e-3
 
 PRESETS = {"guiss": {"crop_height": 384, "crop_width": 640}}
 
@@ -47,6 +50,17 @@ NETWORK = network_matchers.Network(
     "https://github.com/feihuzhang/DSMNet",
     _build_network,
 )
+
+
+def apply_in_training(network: nn.Module, left: Tensor, right: Tensor) -> Tensor:
+    """Disparities (N, H, W) of grey images (N, 1, H, W) from 0 to 1, for gradients."""
+    return network(*(_standardise(image).expand(-1, 3, -1, -1) for image in (left, right)))
+
+
+def _standardise(image: Tensor) -> Tensor:
+    """Images with mean 0 and deviation 1; 0 where they are constant."""
+    mean, spread = image.mean((1, 2, 3), keepdim=True), image.std((1, 2, 3), keepdim=True)
+    return (image - mean) / spread.clamp(min=_LEAST_DEVIATION)
 
 
 def check(options: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ from . import network_matchers
 from .plug_in import MatchContext
 
 if TYPE_CHECKING:
-    from torch import nn
+    from torch import Tensor, nn
 
 TITLE = "IGEV-Stereo"
 NEEDS = "PyTorch and a checkpoint"
@@ -45,6 +45,9 @@ OPTIONS = network_matchers.OPTIONS | {
     },
 }
 
+#: Iterations in training, of which its authors take 22.
+_TRAINING_ITERATIONS = 12
+
 PRESETS = {"guiss": {"iterations": 256, "max_disparity": 256}}
 
 
@@ -55,6 +58,12 @@ def _build_network(max_disparity: int) -> nn.Module:
 
 
 NETWORK = network_matchers.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build_network)
+
+
+def apply_in_training(network: nn.Module, left: Tensor, right: Tensor) -> Tensor:
+    """Disparities (N, H, W) of grey images (N, 1, H, W) from 0 to 1, for gradients."""
+    eyes = (255.0 * image.expand(-1, 3, -1, -1) for image in (left, right))
+    return network(*eyes, _TRAINING_ITERATIONS)[:, 0]
 
 
 def check(options: Mapping[str, Any]) -> None:

@@ -257,9 +257,17 @@ def test_what_it_states_wrong_is_named(stated, said, tmp_path, monkeypatch):
     assert said in str(raised.value)
 
 
-def test_facts_that_no_report_can_hold_are_a_sentence(tmp_path, monkeypatch):
-    for name, facts in (("nan", "{'a': np.nan}"), ("set", "{'a': {1}}"), ("three", "{}, 3")):
-        source = MATCHER.replace("np.float32)", f"np.float32), {facts}")
-        add_package(tmp_path / name, monkeypatch, "matcher", name, source)
-        with pytest.raises(IcyMoonError, match=f"The matcher {name} of the package .* failed"):
-            match(name, BLACK, BLACK)
+@pytest.mark.parametrize(
+    ("name", "more", "words"),
+    [
+        ("nan", "{'a': np.nan}", "The matcher nan of the package .* failed"),
+        ("set", "{'a': {1}}", "The matcher set of the package .* failed"),
+        ("three", "{}, 3", "a confidence of the shape"),
+        ("four", "{}, None, 3", "returned 4 values"),
+    ],
+)
+def test_what_no_report_can_hold_is_a_sentence(name, more, words, tmp_path, monkeypatch):
+    source = MATCHER.replace("np.float32)", f"np.float32), {more}")
+    add_package(tmp_path, monkeypatch, "matcher", name, source)
+    with pytest.raises(IcyMoonError, match=words):
+        match(name, BLACK, BLACK)

@@ -108,7 +108,8 @@ def test_sources_take_turns(dataset, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("nothing", "no network 'nothing'"),
+        ("nothing", "Unknown matcher 'nothing'"),
+        ("sgbm", "has no network to train"),
         ("no_such_module_here:Net", "cannot be loaded"),
         ("my_network_to_train:Other", "cannot be loaded"),
     ],
