@@ -25,7 +25,7 @@ class SiteRules:
     rock_height_m: float  # height above the ground around from which on an object is a rock
     rock_distance_m: float  # least distance to a rock
     joint_margin_deg: float  # least margin of each joint of the arm to its limit
-    lit_share: float  # least share of the disc in light
+    lit_share: float  # least share of the disc in light of the Sun; 0: not asked
     lit_level: float  # share of the median level from which on a pixel is lit
     known_share: float  # least share of known cells in the disc
     tolerance: float  # share of a limit by which an unsafe site may miss it and be marginal, not dangerous
@@ -85,7 +85,7 @@ class Rules:
 _RULES_BY_TABLE = {"site": SiteRules, "pad": PadRules, "cells": CellRules}
 _SHARE_RULES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share", "debias")
 #: Rules that may be 0, which switches something off.
-_MAY_BE_ZERO = ("gap_m", "debias", "disparity_error_px", "tolerance")
+_MAY_BE_ZERO = ("lit_share", "gap_m", "debias", "disparity_error_px", "tolerance")
 
 
 def read_rules(path: Path | None = None) -> Rules:

@@ -134,7 +134,7 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
         _margin_below(layers.roughness_m, rules.roughness_m),
         _margin_above(layers.rock_distance_m, rules.rock_distance_m),
         _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
-        _margin_of_share(layers.lit_share, rules.lit_share),
+        _limit_margin(_margin_of_share, layers.lit_share, rules.lit_share or None),
         _limit_margin(_margin_of_share, layers.albedo, rules.least_albedo),
         _limit_margin(_margin_below, layers.albedo, rules.most_albedo),
         _limit_margin(_margin_of_share, layers.salt_share, rules.salt_share),

@@ -32,6 +32,7 @@ def test_a_file_changes_what_it_states_and_nothing_else(tmp_path):
         ("[site]\nslope_deg = nan", "slope_deg"),
         ("[site]\nslope_deg = 91", "90"),
         ("[site]\nlit_share = 1.5", "at most 1"),
+        ("[site]\nlit_share = -0.1", "of 0 or more and at most 1"),
         ("[site]\nslope_deg = true", "slope_deg"),
         ("[site", "TOML"),
         ("[pad]\ndisc_m = 'wide'", "disc_m"),

@@ -131,6 +131,16 @@ def test_margins_rank_sites_that_are_known_as_a_whole():
     assert judge_sites(layers, whole).margin[80, 80] == pytest.approx(2 / 3)
 
 
+def test_light_that_is_not_asked_loses_no_site():
+    layers = layers_of(level())
+    night = replace(layers, lit_share=np.zeros((SIZE, SIZE)))
+    assert not judge_sites(night, RULE).safe.any()
+    asked_nothing = judge_sites(night, replace(RULE, lit_share=0.0))
+    assert (asked_nothing.safe == judge_sites(layers, RULE).safe).all()
+    unknown = replace(layers, lit_share=np.full((SIZE, SIZE), np.nan))
+    assert (judge_sites(unknown, replace(RULE, lit_share=0.0)).safe == asked_nothing.safe).all()
+
+
 def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
     sites = judge_sites(layers_of(level()), RULE)
     assert choose_site(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
