@@ -31,6 +31,10 @@ SET_UP = (6, "checkpoint", "icynet", "The network icynet with weights that you h
 OPTIONS = network_matchers.OPTIONS
 
 
+#: Seconds that its ONNX file may take for a small image, as any network's by default: a file may loop without end.
+_TIMEOUT_S = 60.0
+
+
 def _build_network(most_px: int) -> nn.Module:
     from ..networks.icynet import IcyNet
 
@@ -98,8 +102,13 @@ def _is_onnx(options: Mapping[str, Any]) -> bool:
 def _run_onnx(options: Mapping[str, Any], eyes: list[Array], range_px: int) -> tuple[list[Array], dict[str, Any]]:
     session, facts = _load_session(options)
     given = dict(zip(INPUTS, [*eyes, np.arange(count_levels(range_px))], strict=True))
+    most_s = onnx.find_most_s(_TIMEOUT_S, eyes[0].size)
     try:
-        return list(session.run(list(OUTPUTS), given)), facts
+        return onnx.run_bounded(session, given, most_s), facts
+    except TimeoutError:
+        raise IcyMoonError(
+            f"icynet was stopped after {most_s:.0f} s; give weights.onnx of `icymoon.stereo train`, or smaller images."
+        ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(f"icynet failed in ONNX Runtime ({onnx.find_first_line(error)}).") from None
 

@@ -335,9 +335,9 @@ def _compute_outputs(
 ) -> list[Array]:
     """All outputs of the network for images of its input's ``shape``. Raises IcyMoonError if it fails."""
     given = {each.name: _make_input_tensor(each, images, options) for each in network.inputs}
-    most_s = options["timeout_s"] * max(1.0, shape[0] * shape[1] / _TIMED_PIXELS)
+    most_s = find_most_s(options["timeout_s"], shape[0] * shape[1])
     try:
-        return _run_bounded(network.session, given, most_s)
+        return run_bounded(network.session, given, most_s)
     except TimeoutError:
         raise IcyMoonError(
             f"onnx.model {_find_model_path(options).name} was stopped after {most_s:.0f} s for {shape[1]} x "
@@ -457,7 +457,12 @@ def _describe_declared(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 
-def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], most_s: float) -> list[Array]:
+def find_most_s(timeout_s: float, pixels: int) -> float:
+    """Seconds that an input of this many pixels may take, if a small one may take ``timeout_s``."""
+    return timeout_s * max(1.0, pixels / _TIMED_PIXELS)
+
+
+def run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], most_s: float) -> list[Array]:
     """The outputs of a network, which is stopped after ``most_s`` seconds, since it may have an infinite loop.
 
     Raises TimeoutError then.

@@ -243,6 +243,21 @@ def test_the_matcher_gives_the_same_by_onnx_runtime_and_knows_its_network(tmp_pa
         match("icynet", image, moved, {"checkpoint": tmp_path / "weights.onnx"})
 
 
+def test_an_onnx_file_that_does_not_end_is_stopped(tmp_path, monkeypatch):
+    pytest.importorskip("onnxruntime")
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    run.finish()
+
+    def never_end(session, given, most_s):
+        assert most_s == 60.0  # fewer than 0.1 megapixels
+        raise TimeoutError
+
+    monkeypatch.setattr("icymoon.stereo.matchers.onnx.run_bounded", never_end)
+    image = np.zeros((32, 32), np.uint8)
+    with pytest.raises(IcyMoonError, match="was stopped after 60 s"):
+        match("icynet", image, image, {"checkpoint": tmp_path / "weights.onnx"})
+
+
 def test_levels_by_index_are_the_levels_of_training():
     left, right = torch.rand(2, 1, 24, 6, 20)
     torch.testing.assert_close(
