@@ -111,8 +111,8 @@ def _refuse_few_grounds(grounds: int, group: str, goal: Goal, why: str = "") -> 
         )
         raise IcyMoonError(
             f"{format_count(grounds, 'ground')}{of}{why} cannot guarantee a risk of at most {100 * goal.alpha:g} %"
-            f"{confidence}: it takes {goal.fewest_grounds} grounds, where all pairs and Suns of a ground count as one; "
-            "render more seeds."
+            f"{confidence}: it takes {goal.fewest_grounds} grounds, where all pairs of a seed, or of a place in a "
+            "file, count as one; render more seeds."
         )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...render.pairs.pair_folder import Pair
-from ...render.pairs.scene_splits import name_undug_ground
+from ...render.pairs.scene_splits import name_independent_ground
 from ...settings.description import merged
 from ...settings.table import TOPICS
 from ...support.errors import IcyMoonError
@@ -29,7 +29,7 @@ CELLS = "size of cells"
 
 @dataclass(frozen=True)
 class StatedPair:
-    """The ground of a pair before any excavation, its group, and digests of its devices by name."""
+    """The independent ground of a pair, its group, and digests of its devices by name."""
 
     ground: str
     group: str
@@ -59,7 +59,7 @@ def state_pair(
     }
     stated = pair.data.get("workspace")
     devices[CELLS] = f"{float(stated['cell_m'] if stated else cell_m):g} m"
-    return StatedPair(name_undug_ground(pair), name_group(settings, group_by), devices)
+    return StatedPair(name_independent_ground(pair), name_group(settings, group_by), devices)
 
 
 def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:
