@@ -15,6 +15,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ...support.files import quote
 from ...support.number_text import format_count
 from ..inference.risk_control import (
     count_fewest_grounds,
@@ -54,7 +55,10 @@ class Goal:
     group_by: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raise IcyMoonError for a risk or doubt out of range."""
+        """Raise IcyMoonError for a risk or doubt out of range, or an unknown procedure."""
+        if self.procedure not in PROCEDURES:
+            known = " or ".join(PROCEDURES)
+            raise IcyMoonError(f"--procedure is {quote(self.procedure)}; give {known}.")
         for option, value in (("--alpha", self.alpha), ("--delta", self.delta)):
             if not LEAST_RISK <= value <= MOST_RISK:
                 raise IcyMoonError(f"{option} is {value:g}; give a number from {LEAST_RISK:g} to {MOST_RISK:g}.")
@@ -69,10 +73,12 @@ class Goal:
         )
         return max(fewest, count_fewest_on_average(MOST_UNLIKE_P))
 
-    def find_threshold(self, losses: Array) -> int | None:
-        """Index of the most permissive threshold for losses (grounds, thresholds); None without an accepted one."""
+    def find_threshold(self, losses: Array, shares: bool = False) -> int | None:
+        """Index of the most permissive threshold for losses (grounds, thresholds), 0 or 1 or ``shares``; None without
+        an accepted one.
+        """
         if self.procedure == LEARN_THEN_TEST:
-            return find_confident_threshold(losses, self.alpha, self.delta)
+            return find_confident_threshold(losses, self.alpha, self.delta, shares)
         return find_average_threshold(losses, self.alpha)
 
     def describe(self) -> str:
@@ -146,14 +152,16 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
             {"group": group, "grounds": len(losses.grounds), "features": losses.features.tolist()}
             for group, losses in groups.items()
         ],
-        CHOICE: _calibrate_risk([each.choice for each in groups.values()], list(groups.values()), goal),
-        MAP: _calibrate_risk([each.cells for each in groups.values()], list(groups.values()), goal),
+        CHOICE: _calibrate_risk([each.choice for each in groups.values()], list(groups.values()), goal, shares=False),
+        MAP: _calibrate_risk([each.cells for each in groups.values()], list(groups.values()), goal, shares=True),
     }
 
 
-def _calibrate_risk(losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal) -> dict[str, Any]:
+def _calibrate_risk(
+    losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal, shares: bool
+) -> dict[str, Any]:
     """The strictest threshold of the groups' losses (grounds, thresholds), and the counts of all grounds at it."""
-    found = [goal.find_threshold(each) for each in losses]
+    found = [goal.find_threshold(each, shares) for each in losses]
     accepted = [at for at in found if at is not None]
     at = min(accepted) if accepted and len(accepted) == len(found) else None
     return {

@@ -161,6 +161,17 @@ def test_risks_out_of_range_are_refused(goal):
         goal.check()
 
 
+def test_an_unknown_procedure_is_refused():
+    with pytest.raises(IcyMoonError, match="--procedure is 'ltt'; give learn-then-test or conformal"):
+        Goal(procedure="ltt").check()
+
+
+def test_the_map_has_the_test_of_shares_even_where_all_shares_are_0_or_1():
+    rows, stated = draw_grounds(93)
+    rows = [make_row(row["pair"], 1.0, unsafe_cells=100 * (k == 0)) for k, row in enumerate(rows)]
+    assert calibrate_matchers(rows, stated, INPUTS, Goal())["bm"][MAP]["threshold"] is None
+
+
 def test_rules_that_no_site_meets_give_no_calibration():
     rows, stated = draw_grounds(60)
     rows = [make_row(row["pair"], None) for row in rows]
