@@ -59,7 +59,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Increased when the same input gives other numbers or files.
-DECISIONS_VERSION = 6
+DECISIONS_VERSION = 7
 _LOG_FILE = "decisions.jsonl"
 _ROW_SHAPE: dict[str, Shape] = {
     "status": TEXT,

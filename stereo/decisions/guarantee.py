@@ -116,7 +116,7 @@ def _average_taken(threshold: float | None, by_ground: Mapping[str, Sequence[_Ro
     def find_share(row: _Row) -> float:
         sites = row["numbers"]["sites"]
         unlike = row["guarantee"]["verdict"] == UNLIKE
-        return 0.0 if unlike else float(sites["taken_from"][at]) / max(1, sites["cells"][0])
+        return 0.0 if unlike else float(sites["taken_from"][at]) / max(1, sites["offered"])
 
     return float(np.mean([np.mean([find_share(row) for row in own]) for own in by_ground.values()]))
 

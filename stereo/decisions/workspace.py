@@ -175,8 +175,8 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     ``materials``; None where one is undefined.
 
     The elevation model without filled cells is compared over the cells in reach that the left image shows, its
-    ``reached`` completeness over all in reach; sites over all in reach whose true height is known; pads over all whose
-    footprint is inside.
+    ``reached`` completeness over all in reach; sites over all in reach whose true height is known, but a site is chosen
+    from all cells whose footprint is inside; pads over all whose footprint is inside.
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known
@@ -194,7 +194,7 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     return {
         **_compare_materials(truth.sites.layers, found.sites.layers, among & workspace.seen),
         "dem": errors,
-        "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance),
+        "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance, workspace.inside),
         "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
     }
 

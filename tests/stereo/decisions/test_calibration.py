@@ -54,7 +54,7 @@ def make_row(pair, margin, unsafe=0.0, cells=(100, 100), unsafe_cells=0, feature
         "unsafe_choice": unsafe if chosen else None,
         "taken_from": [cells[1] if each else 0 for each in reached],
         "unsafe_from": [unsafe_cells if each else 0 for each in reached],
-        "cells": [cells[0], 0, cells[1], 0],
+        "offered": cells[0],
     }
     numbers = {"sites": sites, "features": dict.fromkeys(FEATURES, features)}
     return {"pair": pair, "method": "bm", "status": "ok", "numbers": numbers}
