@@ -7,6 +7,7 @@ largest at this margin or a larger one.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -100,6 +101,11 @@ class GroundLosses:
     features: Array  # (n, K)
 
 
+def count_fewest_pairs(stated: Sequence[StatedPair]) -> int:
+    """The fewest pairs of a ground in a group."""
+    return min(Counter((pair.ground, pair.group) for pair in stated).values())
+
+
 def check_ground_counts(stated: Sequence[StatedPair], goal: Goal) -> None:
     """Raise IcyMoonError unless each group has enough grounds for a guarantee."""
     groups: dict[str, set[str]] = {}
@@ -148,6 +154,8 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
         why = f" that {name_matcher(label)} could be judged on"
         _refuse_few_grounds(len(groups[group].grounds), group, goal, why)
     return {
+        "left_out": len({(stated[row["pair"]].group, stated[row["pair"]].ground) for row in own})
+        - sum(len(losses.grounds) for losses in groups.values()),
         "groups": [
             {"group": group, "grounds": len(losses.grounds), "features": losses.features.tolist()}
             for group, losses in groups.items()
@@ -223,16 +231,20 @@ def make_sentences(entries: Mapping[str, Mapping[str, Any]], goal: Goal) -> list
         name, choice = name_matcher(label), entry[CHOICE]
         grounds = sum(each["grounds"] for each in entry["groups"])
         counts = f"{PROCEDURES[goal.procedure]}, {format_count(grounds, 'ground')}"
+        left = f"{entry['left_out']} left out because a pair could not be judged, " if entry["left_out"] else ""
         if choice["threshold"] is None or not choice["acted"]:
             found.append(f"With {name}, no margin that a site has gives a guarantee, so it always abstains ({counts}).")
             continue
         found.append(
             f"With {name}, sites from a margin of {choice['threshold']:.2f} on are guaranteed: {goal.describe()} "
-            f"({counts}, {choice['loss']:.0f} of them unsafe; it acts on {choice['acted']} and abstains on "
+            f"({counts}, {left}{choice['loss']:.0f} of them unsafe; it acts on {choice['acted']} and abstains on "
             f"{grounds - choice['acted']})."
         )
     if goal.group_by:
-        found.append("A margin is the strictest of all groups, and the guarantee holds for each group by itself.")
+        found.append(
+            "A margin is the strictest of all groups, and the guarantee holds for each group by itself, not for all at "
+            "once."
+        )
     return found
 
 

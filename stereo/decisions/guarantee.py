@@ -25,7 +25,8 @@ from .scores import THRESHOLDS
 from .stored_maps import ABSTAINS, GUARANTEED, UNLIKE
 from .workspace import FEATURES
 
-_OTHER_GROUP = "group"
+#: Reasons beside ``FEATURES`` for which a ground is unlike: its group, or a pair that failed or contradicts itself.
+_OTHER_GROUP, _FAILED_PAIR = "group", "failed pair"
 _Row = Mapping[str, Any]
 
 
@@ -35,14 +36,20 @@ def apply_calibration(
     """The rows with the entry ``guarantee``, and the entry ``guarantee`` of ``decisions.json``.
 
     Of a row, ``verdict`` is GUARANTEED, ABSTAINS or UNLIKE, ``p`` the p-value of its ground and ``feature`` the number
-    that differs most; the entry is None if the pair failed or contradicts itself.
+    that differs most; the entry is None if the pair failed or contradicts itself. The other pairs of its ground are
+    UNLIKE.
     """
     found = {}
     for label, entry in calibration.entries.items():
-        own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in stated]
-        for ground in dict.fromkeys((stated[row["pair"]].ground, stated[row["pair"]].group) for row in own):
-            pairs = [row for row in own if (stated[row["pair"]].ground, stated[row["pair"]].group) == ground]
-            likeness = _compare_ground(entry, ground[1], pairs)
+        by_ground: dict[tuple[str, str], list[_Row]] = {}
+        for row in (row for row in rows if row["method"] == label and row["pair"] in stated):
+            by_ground.setdefault((stated[row["pair"]].ground, stated[row["pair"]].group), []).append(row)
+        for (_, group), own in by_ground.items():
+            pairs = [row for row in own if row["status"] == "ok"]
+            # A calibration leaves these grounds out, so it tells nothing about them.
+            likeness = (
+                _compare_ground(entry, group, pairs) if len(pairs) == len(own) else {"p": 0.0, "feature": _FAILED_PAIR}
+            )
             for row in pairs:
                 found[row["pair"], label] = likeness | {"verdict": _judge_row(entry, row, likeness)}
     marked = [dict(row) | {"guarantee": found.get((row["pair"], row["method"]))} for row in rows]
@@ -52,7 +59,8 @@ def apply_calibration(
         "alpha": goal.alpha,
         "delta": goal.delta if goal.procedure == LEARN_THEN_TEST else None,
         "procedure": goal.procedure,
-        "grounds": len(calibration.grounds),
+        "groups": list(goal.group_by),
+        "grounds": len(calibration.grounds) - max(entry["left_out"] for entry in calibration.entries.values()),
         "methods": [_summarise_method(label, calibration, marked, stated) for label in _list_labels(rows)],
     }
 
@@ -136,7 +144,7 @@ def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
     )
     head = (
         f"Guarantee for each matcher by itself, from {format_count(guarantee['grounds'], 'calibration ground')} by "
-        f"{PROCEDURES[guarantee['procedure']]}: {confidence}, {risk}."
+        f"{PROCEDURES[guarantee['procedure']]}: {confidence}, {risk}{' of each group' if guarantee['groups'] else ''}."
     )
     return [head, *map(_make_sentence, guarantee["methods"])]
 

@@ -208,12 +208,17 @@ def change_group(content, key, value):
     return sign(content)
 
 
+def change_choice(content, **changes):
+    content["matchers"]["bm"][CHOICE] |= changes
+    return sign(content)
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
         (lambda c: [], "is not a calibration"),
         (lambda c: sign(c | {"format": "icymoon-decisions"}), "is not a calibration"),
-        (lambda c: sign(c | {"version": 2}), "has format version 2"),
+        (lambda c: sign(c | {"version": 1}), "has format version 1"),
         (lambda c: c | {"decisions": 5}, "was changed after it was written"),
         (lambda c: sign(c | {"grounds": 3}), "grounds is 3, not a list"),
         (lambda c: sign(c | {"features": ["other"]}), "by other numbers"),
@@ -221,6 +226,9 @@ def change_group(content, key, value):
         (lambda c: sign(c | {"goal": c["goal"] | {"alpha": 0.001}}), "other numbers of grounds"),
         (lambda c: change_group(c, "grounds", 10**9), "other numbers of grounds"),
         (lambda c: change_group(c, "features", [[1.0]]), r"features\[0\] is"),
+        (lambda c: change_choice(c, threshold=0.0), "does not follow from its losses"),
+        (lambda c: change_choice(c, threshold=0.0, by_group=[0.0], loss=9), "does not follow from its losses"),
+        (lambda c: change_choice(c, by_group=[]), "does not follow from its losses"),
         (lambda c: sign(c | {"matchers": {"bm": c["matchers"]["bm"] | {"groups": []}}}), "without grounds"),
     ],
 )
@@ -304,6 +312,55 @@ def test_sites_are_guaranteed_or_the_lander_abstains(tmp_path):
     assert "60 calibration grounds by Learn-then-Test" in head
     assert "a guaranteed site on 2 of 5 grounds (5 to 85 %)" in sentence
     assert "on 1, which is unlike the calibration grounds, it has no guarantee" in sentence
+
+
+def test_grounds_with_more_pairs_than_calibrated_are_refused(tmp_path):
+    """The loss of a ground is the worst of its pairs, so more pairs have more risk."""
+    found = calibrated(tmp_path / "c.json")
+    pairs = {f"sun{k}": StatedPair("new", "", DEVICES) for k in range(3)}
+    with pytest.raises(IcyMoonError, match="with 1 pair of a ground, and sun0 is one of 3; give at most 1 of a ground"):
+        check_use(found, CONDITIONS, pairs, INPUTS)
+    two = [StatedPair(f"g{k}", "", DEVICES) for k in range(60) for _ in range(3 if k else 2)]
+    write_calibration(found.path, found.goal, CONDITIONS, two, found.entries)
+    again = read_calibration(found.path)
+    assert again.pairs_of_a_ground == 2
+    check_use(again, CONDITIONS, dict(list(pairs.items())[:2]), INPUTS)
+    with pytest.raises(IcyMoonError, match="with 2 pairs of a ground"):
+        check_use(again, CONDITIONS, pairs, INPUTS)
+
+
+def test_a_ground_with_a_failed_pair_has_no_guarantee(tmp_path):
+    """A calibration leaves such grounds out, and states how many, so it tells nothing about them."""
+    rows, stated = draw_grounds(60, first=100)
+    rows[0] |= {"status": "failed", "numbers": None}
+    found = calibrated(tmp_path / "c.json")
+    entries = calibrate_matchers(rows, stated, INPUTS, Goal(alpha=0.1))
+    assert entries["bm"]["left_out"] == 1
+    assert "59 grounds, 1 left out because a pair could not be judged," in make_sentences(entries, Goal(alpha=0.1))[0]
+    rows = [make_row("good", 0.9, features=0.0), make_row("bad", 0.9) | {"status": "failed", "numbers": None}]
+    marked, guarantee = apply_calibration(found, rows, dict.fromkeys(("good", "bad"), StatedPair("new", "", DEVICES)))
+    assert [row["guarantee"] and row["guarantee"]["verdict"] for row in marked] == [UNLIKE, None]
+    assert [guarantee["methods"][0][key] for key in ("grounds", "acted", "unlike")] == [1, 0, 1]
+
+
+def test_a_guarantee_of_groups_says_so(tmp_path):
+    found = calibrated(tmp_path / "c.json")
+    rows, stated = draw_grounds(3, seed=9, first=100)
+    for group_by, says in (((), False), (("light.sun_elevation_deg",), True)):
+        grouped = replace(found, goal=replace(found.goal, group_by=group_by))
+        head = make_guarantee_sentences(apply_calibration(grouped, rows, stated)[1])[0]
+        assert head.endswith("like the calibration grounds of each group.") is says
+
+
+def test_a_group_with_one_ground_is_refused():
+    rows, stated = draw_grounds(60)
+    stated["p7"] = replace(stated["p7"], group="light.sun_elevation_deg=5")
+    for check in (
+        lambda: check_ground_counts(list(stated.values()), Goal()),
+        lambda: calibrate_matchers(rows, stated, INPUTS, Goal()),
+    ):
+        with pytest.raises(IcyMoonError, match=r"^1 ground with light\.sun_elevation_deg=5"):
+            check()
 
 
 def test_a_group_that_was_not_calibrated_is_unlike(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.decisions.calibration_pairs import CELLS, state_pair
+from icymoon.stereo.decisions.calibration_pairs import CELLS, TRUTH, state_pair
 
 
 def state(response=None, data=None, cell_m=0.02, pair_id="0" * 12, **changes):
@@ -29,6 +29,10 @@ def state(response=None, data=None, cell_m=0.02, pair_id="0" * 12, **changes):
         ({"calibration_error": {"right_yaw_deg": 0.1}}, "rig"),
         ({"sensor": {"read_noise_e": 50.0}}, "camera response"),
         ({"quality": {"samples": 3}}, "render quality"),
+        ({"workspace": {"size_m": 8.0}}, "size of the workspace"),
+        ({"lander": {"kind": "PARAMETRIC"}}, "lander"),
+        ({"arm": {"upper_m": 2.0}}, "lander"),
+        ({"arm": {"yaw_deg": 5.0, "elbow_offset_deg": 1.0, "roll_deg": 9.0}}, None),
     ],
 )
 def test_what_aims_a_rig_or_draws_noise_is_no_other_device(changes, other):
@@ -43,6 +47,11 @@ def test_another_response_at_evaluation_is_another_device():
 def test_the_cells_are_those_of_the_pair_or_of_the_run():
     assert state(cell_m=0.05).devices[CELLS] == "0.05 m"
     assert state(data={"workspace": {"cell_m": 0.01}}, cell_m=0.05).devices[CELLS] == "0.01 m"
+
+
+def test_true_heights_from_two_eyes_are_another_truth():
+    first, second = state().devices, state(data={"workspace": {"cell_m": 0.02}}).devices
+    assert [name for name in first if first[name] != second[name]] == [TRUTH]
 
 
 FILE = {"source": {"kind": "HEIGHT_MAP", "file": "heights.tif"}}
