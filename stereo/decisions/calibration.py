@@ -27,6 +27,7 @@ from ..inference.risk_control import (
 )
 from ..matchers.methods import describe_method
 from .calibration_pairs import StatedPair
+from .height_errors import fit_scales
 from .scores import THRESHOLDS
 from .stored_maps import TRUE_DEPTH
 from .workspace import FEATURES
@@ -153,7 +154,12 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
         groups[group] = collect_losses([row for row in own if stated[row["pair"]].group == group], stated)
         why = f" that {name_matcher(label)} could be judged on"
         _refuse_few_grounds(len(groups[group].grounds), group, goal, why)
+    by_ground: dict[str, list[Any]] = {}
+    for row in own:
+        if row["status"] == "ok":
+            by_ground.setdefault(stated[row["pair"]].ground, []).append(row["numbers"])
     return {
+        "scales": fit_scales(list(by_ground.values())),
         "left_out": len({(stated[row["pair"]].group, stated[row["pair"]].ground) for row in own})
         - sum(len(losses.grounds) for losses in groups.values()),
         "groups": [

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from ...support.errors import IcyMoonError
-from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Kind, Maybe, check_record, is_number
+from ...support.file_schemas import COUNT, NUMBER, POSITIVE, TEXT, Each, Kind, Maybe, check_record, is_number
 from ...support.files import is_file, make_json_digest, quote, write_json
 from ...support.foreign_bytes import ForeignBytes, parse_json, read
 from ...support.number_text import format_count
 from ...support.version import version
 from .calibration import CHOICE, LEAST_RISK, MAP, MOST_RISK, PROCEDURES, Goal, count_fewest_pairs, name_matcher
 from .calibration_pairs import StatedPair
+from .height_errors import QUANTITIES
 from .rules import Rules
 from .scores import THRESHOLDS
 from .workspace import FEATURES
@@ -63,6 +64,7 @@ _SHAPE = {
         {
             "inputs": TEXT,
             "left_out": COUNT,
+            "scales": {name: Maybe(POSITIVE, null=True) for name in QUANTITIES},
             CHOICE: _ENTRY_OF_RISK,
             MAP: _ENTRY_OF_RISK,
             "groups": Each({"group": TEXT, "grounds": COUNT, "features": Each(_FEATURES)}),

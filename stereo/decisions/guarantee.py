@@ -21,6 +21,7 @@ from .calibration import (
 )
 from .calibration_file import Calibration
 from .calibration_pairs import StatedPair
+from .height_errors import QUANTITIES, check_scale, make_check_sentence
 from .scores import THRESHOLDS
 from .stored_maps import ABSTAINS, GUARANTEED, UNLIKE
 from .workspace import FEATURES
@@ -110,6 +111,16 @@ def _summarise_method(
         "unsafe": unsafe,
         "unsafe_bound": bound_risk(unsafe, grounds, delta),
         "confidence": 1 - delta,
+        "errors": _check_scales(entry["scales"], list(by_ground.values())),
+    }
+
+
+def _check_scales(scales: Mapping[str, float | None], grounds: Sequence[Sequence[_Row]]) -> dict[str, Any]:
+    """The checks of the calibrated errors of maps by quantity, see ``height_errors.check_scale``."""
+    numbers = [[row["numbers"] for row in own] for own in grounds]
+    return {
+        name: None if scale is None else {"scale": scale, "check": check_scale(numbers, name, scale)}
+        for name, scale in ((name, scales[name]) for name in QUANTITIES)
     }
 
 
@@ -146,7 +157,17 @@ def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
         f"Guarantee for each matcher by itself, from {format_count(guarantee['grounds'], 'calibration ground')} by "
         f"{PROCEDURES[guarantee['procedure']]}: {confidence}, {risk}{' of each group' if guarantee['groups'] else ''}."
     )
-    return [head, *map(_make_sentence, guarantee["methods"])]
+    return [head, *map(_make_sentence, guarantee["methods"]), *_make_error_sentences(guarantee["methods"])]
+
+
+def _make_error_sentences(methods: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The checks of the heights' standard deviations; those of slope and roughness are in ``decisions.json``."""
+    found = []
+    for entry in methods:
+        stated = entry["errors"]["height"]
+        if stated is not None and stated["check"] is not None:
+            found.append(make_check_sentence("height", name_matcher(entry["method"]), stated["check"]))
+    return found
 
 
 def _make_sentence(entry: Mapping[str, Any]) -> str:

@@ -33,6 +33,7 @@ from icymoon.stereo.decisions.guarantee import (
     bound_share,
     make_guarantee_sentences,
 )
+from icymoon.stereo.decisions.height_errors import QUANTITIES, count_errors
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import ABSTAINS, GUARANTEED, UNLIKE
@@ -43,6 +44,10 @@ from icymoon.support.files import make_json_digest
 DEVICES = {"rig": "r", "camera response": "c", "render quality": "q", "size of cells": "0.02 m"}
 CONDITIONS = Conditions(6, read_rules(), 0.0, 0.0)
 INPUTS = {"bm": "digest"}
+#: Normal errors of half of the stated size.
+ERRORS = dict.fromkeys(
+    QUANTITIES, count_errors(np.random.default_rng(0).normal(0, 0.5, 10_000), np.ones(10_000), np.ones(10_000, bool))
+)
 
 
 def make_row(pair, margin, unsafe=0.0, cells=(100, 100), unsafe_cells=0, features=0.5):
@@ -56,7 +61,7 @@ def make_row(pair, margin, unsafe=0.0, cells=(100, 100), unsafe_cells=0, feature
         "unsafe_from": [unsafe_cells if each else 0 for each in reached],
         "offered": cells[0],
     }
-    numbers = {"sites": sites, "features": dict.fromkeys(FEATURES, features)}
+    numbers = {"sites": sites, "features": dict.fromkeys(FEATURES, features), "errors": ERRORS}
     return {"pair": pair, "method": "bm", "status": "ok", "numbers": numbers}
 
 
@@ -208,6 +213,11 @@ def change_group(content, key, value):
     return sign(content)
 
 
+def change_scale(content, value):
+    content["matchers"]["bm"]["scales"]["height"] = value
+    return sign(content)
+
+
 def change_choice(content, **changes):
     content["matchers"]["bm"][CHOICE] |= changes
     return sign(content)
@@ -229,6 +239,9 @@ def change_choice(content, **changes):
         (lambda c: change_choice(c, threshold=0.0), "does not follow from its losses"),
         (lambda c: change_choice(c, threshold=0.0, by_group=[0.0], loss=9), "does not follow from its losses"),
         (lambda c: change_choice(c, by_group=[]), "does not follow from its losses"),
+        (lambda c: change_scale(c, 0.0), "height is 0.0, not a number above 0"),
+        (lambda c: change_scale(c, -1), "height is -1, not a number above 0"),
+        (lambda c: change_scale(c, "1"), "not a number above 0"),
         (lambda c: sign(c | {"matchers": {"bm": c["matchers"]["bm"] | {"groups": []}}}), "without grounds"),
     ],
 )
@@ -307,11 +320,23 @@ def test_sites_are_guaranteed_or_the_lander_abstains(tmp_path):
     assert [entry[key] for key in ("grounds", "acted", "abstained", "unlike", "unsafe")] == [5, 2, 2, 1, 1]
     assert entry["acted_bounds"] == pytest.approx([0.0527, 0.8534], abs=1e-4)  # tables of Clopper and Pearson
     assert entry["unsafe_bound"] == pytest.approx(0.6574, abs=1e-4)
-    head, sentence = make_guarantee_sentences(guarantee)
+    head, sentence, _ = make_guarantee_sentences(guarantee)
     assert "with 95 % confidence, a chosen site is unsafe on at most 5 % of grounds" in head
     assert "60 calibration grounds by Learn-then-Test" in head
     assert "a guaranteed site on 2 of 5 grounds (5 to 85 %)" in sentence
     assert "on 1, which is unlike the calibration grounds, it has no guarantee" in sentence
+
+
+def test_errors_of_maps_get_a_scale_that_is_checked_on_other_grounds(tmp_path):
+    found = calibrated(tmp_path / "c.json")
+    assert found.entries["bm"]["scales"] == pytest.approx(dict.fromkeys(QUANTITIES, 0.5), rel=0.03)
+    rows, stated = draw_grounds(3, seed=9, first=100)
+    guarantee = apply_calibration(found, rows, stated)[1]
+    for name in QUANTITIES:
+        check = guarantee["methods"][0]["errors"][name]["check"]
+        assert check["within"] == pytest.approx([0.683, 0.954], abs=0.01)
+        assert check["grounds"] == 3
+    assert "errs by less than one stated standard deviation in 68 %" in make_guarantee_sentences(guarantee)[-1]
 
 
 def test_grounds_with_more_pairs_than_calibrated_are_refused(tmp_path):
