@@ -121,17 +121,19 @@ class _Globe:
 
 
 def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
-    """The colour of a place: B (μ₀ μ)^k / μ times factors of the bands."""
-    tree = globe.tree
+    """The colour of a place: B times its limb darkening times factors of the bands."""
+    tree, exponents = globe.tree, face.limb.exponents_at(globe.planet.phase_deg)
     emission = tree.math(
         "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
     )
     both = tree.math("MULTIPLY", "Both Cosines", globe.incidence, emission)
+    if face.limb.law == "BARKSTROM":
+        both = tree.math("DIVIDE", "Over their Sum", both, tree.math("ADD", "Sum", globe.incidence, emission))
     limb = tree.combined(
         "Limb Darkening",
         *(
-            tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
-            for band, exponent in zip("RGB", face.limb, strict=True)
+            tree.math("DIVIDE", f"Limb {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
+            for band, exponent in zip("RGB", exponents, strict=True)
         ),
     )
     pattern = _add_bands(globe, face)
