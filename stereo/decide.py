@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +38,13 @@ from .decisions.workspace import (
     Workspace,
     compare_beside_lander,
     compare_with_truth,
+    count_map_errors,
     decide_from_depth,
     disturb_pose,
     measure_features,
     open_workspace,
     read_sun_direction,
+    state_map_errors,
 )
 from .evaluate import list_method_inputs
 from .evaluated_pairs import RenderedPair, Source, check_response, find_sources, sort_by_ground
@@ -59,7 +61,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Increased when the same input gives other numbers or files.
-DECISIONS_VERSION = 6
+DECISIONS_VERSION = 7
 _LOG_FILE = "decisions.jsonl"
 _ROW_SHAPE: dict[str, Shape] = {
     "status": TEXT,
@@ -98,6 +100,7 @@ class _DecideRun:
     pose: PoseError
     seed: int
     min_confidence: float
+    scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of the errors of maps, by label
 
     def prepare_calibrated_run(
         self, sources: Sequence[Source], order: CalibrationOrder | None, file: Path | None
@@ -134,7 +137,10 @@ def decide_pairs(
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
     ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, maps of
-    suitability, slope and reach as npy, and pictures. For ``cell_m`` see ``workspace.open_workspace``, and for
+    suitability, slope and reach as npy, and pictures; with a ``calibration`` the standard deviations of heights, slopes
+    and roughnesses too, as ``<method>_height_sigma.npy`` and so on.
+
+    For ``cell_m`` see ``workspace.open_workspace``, and for
     ``on_event`` see ``evaluate``. Measurements of less than ``min_confidence``, from 0 to 1, are not used; above 0 a
     method that states no confidence fails.
 
@@ -150,6 +156,8 @@ def decide_pairs(
     check_output_folder(out, names, FIRST_BYTES)
     run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed, min_confidence)
     calibrated = run.prepare_calibrated_run(sources, calibrate, calibration)
+    if calibrated.used is not None:
+        run = replace(run, scales={label: entry["scales"] for label, entry in calibrated.used.entries.items()})
     remove_leftovers(out)
     log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
@@ -212,6 +220,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair. Missing rows are made and written to the log."""
     content = run.make_digest(source)
     keys = {TRUE_DEPTH: content} | {m.label: _make_row_key(m, source.name, content) for m in run.methods}
+    keys |= {label: make_json_digest([keys[label], scales]) for label, scales in run.scales.items() if label in keys}
     there = {
         label: row
         for label, key in keys.items()
@@ -302,7 +311,10 @@ def _decide_with_method(
     start = time.process_time()
     error_px = 0.0 if method is None else workspace.rules.cells.disparity_error_px
     found = decide_from_depth(workspace, depth, pose, error_px)
-    numbers = compare_with_truth(workspace, found) | {"features": measure_features(workspace, found)}
+    numbers = compare_with_truth(workspace, found) | {
+        "features": measure_features(workspace, found),
+        "errors": count_map_errors(workspace, found),
+    }
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:
@@ -310,7 +322,8 @@ def _decide_with_method(
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
     return {
         "numbers": numbers,
-        "images": _write_maps(workspace, found, numbers, run.out, method.file_name if method else "true_depth"),
+        "images": _write_maps(workspace, found, numbers, run.out, method)
+        | _write_map_errors(workspace, found, run, method),
     }
 
 
@@ -330,11 +343,30 @@ def _match_depth(workspace: Workspace, method: Method, min_confidence: float) ->
     return disparity_to_depth(prepared, disparity), float(info["seconds"])
 
 
+def _name_files(method: Method | None) -> str:
+    return method.file_name if method else "true_depth"
+
+
+def _write_map_errors(
+    workspace: Workspace, found: DecisionMaps, run: _DecideRun, method: Method | None
+) -> dict[str, str]:
+    """Write the standard deviations of the maps of a method with a calibrated scale; return their paths relative to
+    ``run.out``.
+    """
+    scales = run.scales.get(method.label if method else TRUE_DEPTH, {})
+    files = {}
+    for quantity, values in state_map_errors(workspace, found).scaled(scales).items():
+        kind = f"{quantity}_sigma"
+        files[kind] = f"pairs/{workspace.pair.name}/{_name_files(method)}_{kind}.npy"
+        write_bytes(run.out / files[kind], _encode_npy(values))
+    return files
+
+
 def _write_maps(
-    workspace: Workspace, found: DecisionMaps, numbers: Mapping[str, Any], out: Path, name: str
+    workspace: Workspace, found: DecisionMaps, numbers: Mapping[str, Any], out: Path, method: Method | None
 ) -> dict[str, str]:
     """Write elevation model, suitability and pictures of a method; return their paths relative to ``out``."""
-    folder = out / "pairs" / workspace.pair.name
+    folder, name = out / "pairs" / workspace.pair.name, _name_files(method)
     site, grid = workspace.rules.site, workspace.grid
     chosen = numbers["sites"]["chosen"]
     drawn = {

@@ -35,12 +35,17 @@ RADIANCE, TRANSMISSION = "radiance", "transmission"
 STAR_PX = 1.0
 
 
-def build_planet(name: str, planet: Planet, colour: Array, dip_deg: float) -> bpy.types.Object:
-    """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion."""
-    shown = make_disc_mesh(planet)
-    faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
+def build_planet(name: str, planet: Planet, colour: Array, pixel_rad: float, dip_deg: float) -> bpy.types.Object:
+    """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion, with a limb that is
+    soft over a pixel of ``pixel_rad`` radians."""
+    shown = make_disc_mesh(planet, pixel_rad)
     return _build_far_mesh(
-        name, DISTANCE_M * shown.vertices, faces, {}, build_planet_material(name, planet, colour, DISTANCE_M), dip_deg
+        name,
+        DISTANCE_M * shown.vertices,
+        [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()],
+        {TRANSMISSION: shown.transmission},
+        build_planet_material(name, planet, colour, DISTANCE_M, TRANSMISSION),
+        dip_deg,
     )
 
 

@@ -23,15 +23,20 @@ from ...physics.light.planet_face import (
 from ...physics.light.planetshine import Planet, make_ellipsoid
 from ...support.arrays import Array
 from ...support.blender import compat
-from ..tree.builder import Socket, Tree, Triple, Value, find_output
+from ..tree.builder import WHITE, Socket, Tree, Triple, Value, find_output
 
 #: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and its ratio to the wavelength
 #: across.
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
 
 
-def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: float) -> bpy.types.Material:
-    """The material of a mesh about the observer, whose planet is ``distance_m`` away; ``colour`` (3,) is the Sun's."""
+def build_planet_material(
+    name: str, planet: Planet, colour: Array, distance_m: float, transmission: str
+) -> bpy.types.Material:
+    """The material of a mesh about the observer, whose planet is ``distance_m`` away; ``colour`` (3,) is the Sun's.
+
+    ``transmission`` names the attribute of the mesh that has the share of the light from behind that passes.
+    """
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))
     globe = _Globe(tree, planet, distance_m)
@@ -43,7 +48,9 @@ def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: 
         shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
     strength = tree.math("MULTIPLY", "Radiance", shade, make_ellipsoid(planet).full_radiance)
-    tree.surface(tree.emission("Shine", light, strength))
+    passed = tree.attribute("Transmission", transmission)
+    behind = tree.transparent("Behind", WHITE)
+    tree.surface(tree.over("Limb", passed, tree.emission("Shine", light, strength), behind))
     tree.arrange()
     return material
 
@@ -114,17 +121,19 @@ class _Globe:
 
 
 def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
-    """The colour of a place: B (μ₀ μ)^k / μ times factors of the bands."""
-    tree = globe.tree
+    """The colour of a place: B times its limb darkening times factors of the bands."""
+    tree, exponents = globe.tree, face.limb.exponents_at(globe.planet.phase_deg)
     emission = tree.math(
         "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
     )
     both = tree.math("MULTIPLY", "Both Cosines", globe.incidence, emission)
+    if face.limb.law == "BARKSTROM":
+        both = tree.math("DIVIDE", "Over their Sum", both, tree.math("ADD", "Sum", globe.incidence, emission))
     limb = tree.combined(
         "Limb Darkening",
         *(
-            tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
-            for band, exponent in zip("RGB", face.limb, strict=True)
+            tree.math("DIVIDE", f"Limb {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
+            for band, exponent in zip("RGB", exponents, strict=True)
         ),
     )
     pattern = _add_bands(globe, face)

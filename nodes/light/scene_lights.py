@@ -50,9 +50,10 @@ def compute_scene_sky(settings: Settings) -> Sky:
 def list_light_settings(settings: Settings) -> list[Any]:
     """The settings on which the lights depend."""
     of_site = [settings.source] if uses_sky_of_site(settings) else []
-    of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
+    of_pixel = [focal_px(settings.rig)] if settings.light.stars or settings.light.planet else []
+    of_stars = [settings.dataset.seed] if settings.light.stars else []
     of_planet = [settings.rig.height_m, settings.terrain.body_radius_m] if settings.light.planet else []
-    return [settings.light, *of_stars, *of_planet, *of_site]
+    return [settings.light, *of_pixel, *of_stars, *of_planet, *of_site]
 
 
 def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
@@ -113,10 +114,10 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
 
 def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
     light, items = settings.light, {}
-    colour = sun_colour(light.sun_temperature_k)
+    colour, pixel_rad = sun_colour(light.sun_temperature_k), 1 / focal_px(settings.rig)
     dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)
     if sky.planet is not None and sky.planet_is_up:
-        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, dip)
+        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip)
         if planet_gives_light(settings, sky):
             items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
     rings = make_ring_mesh(sky.planet) if sky.planet is not None else None
@@ -126,7 +127,7 @@ def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object
         item.lightgroup = "Planet"
     if light.stars:
         stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
-        items["stars"] = build_stars(f"{NAME} Stars", stars, 1 / focal_px(settings.rig))
+        items["stars"] = build_stars(f"{NAME} Stars", stars, pixel_rad)
     lamps = build_lamps(light, camera, find_used_files(settings).get("light.ies_file"))
     for role, item in items.items():
         item[TAG] = role

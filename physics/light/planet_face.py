@@ -4,10 +4,9 @@ A face is a pattern of reflectance over the globe. Its light is scaled so that t
 that ``planetshine`` computes for an even globe. A face therefore changes the image of the planet and the colour of its
 light, but not the amount.
 
-The reflectance of a place is B(φ) (μ₀ μ)^k / μ (Minnaert 1941, Astrophysical Journal 93, 403), with the planetographic
-latitude φ, the cosines μ₀ and μ of the angles of incidence and emission, and an exponent k for each band. The values
-are rounded readings for the bands R, G, B, good to about 0.05. Clouds drift, and their patterns change over months: a
-face is typical and shows no particular date.
+The reflectance of a place is B(φ) times a law of limb darkening, with the planetographic latitude φ. B is a rounded
+reading for the bands R, G, B, good to about 0.05. Clouds drift, and their patterns change over months: a face is
+typical and shows no particular date.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -45,12 +45,30 @@ SPOT_SOFTNESS = 0.1
 
 
 @dataclass(frozen=True)
+class Limb:
+    """How the light of a place depends on the cosines μ₀ and μ of the angles of incidence and emission.
+
+    Minnaert's law is (μ₀ μ)^k / μ (1941, Astrophysical Journal 93, 403), Barkstrom's [μ₀ μ / (μ₀ + μ)]^k / μ. In full
+    light, where μ₀ = μ, both are the same if Barkstrom's exponent is twice Minnaert's.
+    """
+
+    law: Literal["MINNAERT", "BARKSTROM"]
+    phase_deg: tuple[float, ...]  # angles at the planet between the Sun and the observer, rising
+    exponents: tuple[tuple[float, float, float], ...]  # of each angle in R, G, B
+
+    def exponents_at(self, phase_deg: float) -> tuple[float, float, float]:
+        """The exponents in R, G, B, interpolated; beyond the ends they are those of the ends."""
+        r, g, b = (float(np.interp(phase_deg, self.phase_deg, band)) for band in np.transpose(self.exponents))
+        return r, g, b
+
+
+@dataclass(frozen=True)
 class Face:
     """The pattern of a globe: reflectances, interpolated linearly over the sine of the latitude."""
 
     sine: tuple[float, ...]  # of planetographic latitudes, from south to north
     reflectance: tuple[tuple[float, float, float], ...]  # in R, G, B
-    limb: tuple[float, float, float]  # Minnaert's exponents
+    limb: Limb
     tint: tuple[float, float, float]  # ratio of all its light to sunlight in each band; the mean is 1
     spot: Spot | None = None
     ripple_deg: float = 0.0  # by how much the edges of its bands waver in latitude
@@ -59,6 +77,18 @@ class Face:
 def _divide_by_mean(bands: tuple[float, float, float]) -> tuple[float, float, float]:
     mean = sum(bands) / 3
     return (bands[0] / mean, bands[1] / mean, bands[2] / mean)
+
+
+#: Saturn's limb: fits to Pioneer 11's images at 0.64 and 0.44 µm (Dones et al. 1993, Icarus 105, 184, table V, as in
+#: Dyudina et al. 2005, Astrophysical Journal 618, 973, table 2). G, at 0.54 µm, is the mean of both.
+_SATURN_LIMB = Limb(
+    "BARKSTROM",
+    (0.0, 30.0, 60.0, 90.0, 120.0, 150.0),
+    tuple(
+        (red, (red + blue) / 2, blue)
+        for red, blue in ((1.48, 1.11), (1.48, 1.11), (1.46, 1.15), (1.42, 1.18), (1.36, 1.20), (1.34, 1.41))
+    ),
+)
 
 
 def _make_saturn() -> Face:
@@ -70,7 +100,7 @@ def _make_saturn() -> Face:
     return Face(
         tuple(np.sin(np.radians(both)).tolist()),
         tuple((r, g, b) for r, g, b in bands.tolist()),
-        (0.95, 0.87, 0.70),
+        _SATURN_LIMB,
         _divide_by_mean((1.15, 1.0, 0.69)),
     )
 
@@ -112,7 +142,7 @@ def _make_jupiter() -> Face:
     return Face(
         (*sine, 1.0),
         (*reflectance, _JUPITER_BANDS[-1][1]),
-        (1.0, 0.95, 0.87),
+        Limb("MINNAERT", (0.0,), ((1.0, 0.95, 0.87),)),
         _divide_by_mean((1.0, 1.0, 0.835)),
         Spot(
             -22.5, 7000 / (71492 * math.cos(math.radians(22.5))), 5750 / 71492, (0.70, 0.48, 0.28), (0.86, 0.80, 0.68)
@@ -121,9 +151,9 @@ def _make_jupiter() -> Face:
     )
 
 
-#: Faces by the value of ``light.planet_face``. Saturn's brightness over latitude and limb exponents: rounded from HST
-#: images at 435 to 716 nm (Icarus 100, Dec 1992) and Franz and Price; Jupiter's zones, belts and the size of its Red
-#: Spot, 14 000 by 11 500 km: the usual nomenclature and rounded reflectances. Both tints: the albedo spectra of whole
+#: Faces by the value of ``light.planet_face``. Saturn's brightness over latitude: rounded from HST images at 435 to
+#: 716 nm (Icarus 100, Dec 1992) and Franz and Price; Jupiter's zones, belts, limb and the size of its Red Spot, 14 000
+#: by 11 500 km: the usual nomenclature and rounded values near full light. Both tints: the albedo spectra of whole
 #: discs of Karkoschka 1998, Icarus 133, 134, seen in the primaries of sRGB.
 FACES = {"SATURN": _make_saturn(), "JUPITER": _make_jupiter()}
 
@@ -164,9 +194,9 @@ def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Arra
     ``toward`` (..., 3) are unit vectors, ``toward`` to the observer."""
     incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
     emission = np.maximum((normal * toward).sum(axis=-1), LEAST_COSINE)[..., None]
-    return np.asarray(
-        _band_reflectance(face, planet, normal) * (incidence * emission) ** np.array(face.limb) / emission
-    )
+    both = incidence * emission / (incidence + emission if face.limb.law == "BARKSTROM" else 1.0)
+    exponents = np.array(face.limb.exponents_at(planet.phase_deg))
+    return np.asarray(_band_reflectance(face, planet, normal) * both**exponents / emission)
 
 
 def face_tint(planet: Planet) -> Array:

@@ -268,20 +268,43 @@ class DiscMesh:
 
     vertices: Array  # (n, 3)
     faces: Array  # (m, 4), the first ring has its first vertex twice; towards the observer
+    transmission: Array  # (n,) share of the light from behind that passes
 
 
-def make_disc_mesh(planet: Planet, rings: int = 48) -> DiscMesh:
-    """The planet as a mesh whose outline is within 6e-4 of the ellipsoid's. Its radiance is computed at each pixel."""
+#: Sectors of a disc's mesh: a chord is within 4e-5 of its outline.
+_DISC_SECTORS = 384
+#: Widest soft rim, over the radius of the planet: a wider one would change the light of a small planet.
+_WIDEST_RIM = 0.1
+
+
+def make_disc_mesh(planet: Planet, pixel_rad: float, rings: int = 48) -> DiscMesh:
+    """The planet as a mesh whose outline is within 4e-5 of the ellipsoid's. Its radiance is computed at each pixel.
+
+    ``pixel_rad`` is the angle of a pixel in radians. Over this angle, half of it on each side of the limb, the
+    transmission rises linearly from 0 to 1, and is 1/2 on the limb: a pixel is covered by the share of the planet in
+    it, so that few light paths find its mean.
+    """
     seen = VisibleCap(planet)
-    sectors = 2 * rings
-    angle = np.repeat(np.arange(1, rings + 1) * seen.half_angle / rings, sectors)
-    around = np.tile(np.arange(sectors) * 2 * np.pi / sectors, rings)
-    sphere = seen.sphere(np.concatenate([[0.0], angle]), np.concatenate([[0.0], around]))
-    here = np.arange(sectors)
-    after = (here + 1) % sectors
+    width = min(pixel_rad, _WIDEST_RIM * seen.shape.radius)
+    around = np.arange(_DISC_SECTORS) * 2 * np.pi / _DISC_SECTORS
+    angle = np.arange(1, rings + 1) * seen.half_angle / rings
+    sphere = seen.sphere(*np.meshgrid(angle, around, indexing="ij"))
+    position, limb = seen.position(sphere), seen.position(sphere[-1])
+    # Rays touch the planet at its limb, so the normal there points out of the disc.
+    outward = seen.normal(sphere[-1])
+    ray = limb / np.linalg.norm(limb, axis=-1, keepdims=True)
+    beside = (position * outward).sum(axis=-1) / (position * ray).sum(axis=-1)
+    beyond = limb + width / 2 * np.linalg.norm(limb, axis=-1, keepdims=True) * outward
+    passed = np.append(np.clip(0.5 + beside / width, 0.0, 0.5), np.ones((1, _DISC_SECTORS)), axis=0)
+    vertices = np.concatenate([seen.position(seen.axis)[None], position.reshape(-1, 3), beyond])
+    return DiscMesh(vertices, _list_disc_faces(rings + 1), np.append(0.0, passed))
+
+
+def _list_disc_faces(circles: int) -> Array:
+    """The quadrilaterals (m, 4) between a centre, which is vertex 0, and circles of ``_DISC_SECTORS`` vertices."""
+    here = np.arange(_DISC_SECTORS)
+    after = (here + 1) % _DISC_SECTORS
     first = np.stack([0 * here, 1 + here, 1 + after, 0 * here], axis=1)
-    others = [
-        np.stack([a + here, b + here, b + after, a + after], axis=1)
-        for a, b in ((1 + k * sectors, 1 + (k + 1) * sectors) for k in range(rings - 1))
-    ]
-    return DiscMesh(seen.position(sphere), np.concatenate([first, *others]))
+    starts = 1 + np.arange(circles)[:, None] * _DISC_SECTORS
+    corners = [starts[:-1] + here, starts[1:] + here, starts[1:] + after, starts[:-1] + after]
+    return np.concatenate([first, np.stack(corners, axis=-1).reshape(-1, 4)])

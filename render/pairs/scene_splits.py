@@ -16,7 +16,16 @@ from ...support.foreign_bytes import ForeignBytes, parse_json, parse_toml, read
 from .pair_folder import Pair
 
 _SPLIT_NAME = re.compile(r"[A-Za-z0-9_-]+")
-_EXCAVATION = "excavation"
+#: Settings of the place of a ground in a file.
+_PLACE_KEYS = (
+    "site",
+    "site_longitude_deg",
+    "site_latitude_deg",
+    "site_easting",
+    "site_northing",
+    "origin_x_m",
+    "origin_y_m",
+)
 #: Default shares of the scenes in each split.
 DEFAULT_SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
@@ -27,25 +36,32 @@ def name_scene(pair: Pair) -> str:
 
     The seed counts. Surfaces, light, cameras and qualities do not: another Sun does not make another scene.
     """
-    return _name_shape(pair, "")
-
-
-def name_undug_ground(pair: Pair) -> str:
-    """The name of the ground and the rocks of a pair before any excavation, as ``name_scene`` makes it."""
-    return _name_shape(pair, _EXCAVATION)
-
-
-def _name_shape(pair: Pair, without: str) -> str:
-    """A digest of the settings of the shape of ground and rocks, without the topic ``without``."""
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     # As with ids of pairs: a setting that a later version adds leaves each scene in its split.
     shape = [
         [name, value]
         for part in pair_ids.list_counted_values(pair.settings)
         for name, value in part
-        if _changes_shape(name) and not (without and name.startswith(f"{without}."))
+        if _changes_shape(name)
     ]
-    return hashlib.sha256(json.dumps([shape, own], sort_keys=True).encode()).hexdigest()[:12]
+    return _make_name([shape, own])
+
+
+def name_independent_ground(pair: Pair) -> str:
+    """The name of the random numbers of a pair's ground, or of the file and the place in it: twelve hexadecimal digits.
+
+    Grounds of different names are independent, as far as settings tell. Grounds of one name are not: terrain of a seed
+    has one shape, which its settings scale, and ground from a file is the same for all seeds.
+    """
+    source = pair.settings.source
+    if source.kind == "PROCEDURAL":
+        return _make_name([source.kind, int(pair.settings.dataset.seed)])
+    place = [getattr(source, key) for key in _PLACE_KEYS]
+    return _make_name([source.kind, source.stand_in, pair.data.get("own_files_sha256", ""), place])
+
+
+def _make_name(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _changes_shape(name: str) -> bool:

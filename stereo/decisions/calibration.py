@@ -7,6 +7,7 @@ largest at this margin or a larger one.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ...support.files import quote
 from ...support.number_text import format_count
 from ..inference.risk_control import (
     count_fewest_grounds,
@@ -25,6 +27,7 @@ from ..inference.risk_control import (
 )
 from ..matchers.methods import describe_method
 from .calibration_pairs import StatedPair
+from .height_errors import fit_scales
 from .scores import THRESHOLDS
 from .stored_maps import TRUE_DEPTH
 from .workspace import FEATURES
@@ -54,7 +57,10 @@ class Goal:
     group_by: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raise IcyMoonError for a risk or doubt out of range."""
+        """Raise IcyMoonError for a risk or doubt out of range, or an unknown procedure."""
+        if self.procedure not in PROCEDURES:
+            known = " or ".join(PROCEDURES)
+            raise IcyMoonError(f"--procedure is {quote(self.procedure)}; give {known}.")
         for option, value in (("--alpha", self.alpha), ("--delta", self.delta)):
             if not LEAST_RISK <= value <= MOST_RISK:
                 raise IcyMoonError(f"{option} is {value:g}; give a number from {LEAST_RISK:g} to {MOST_RISK:g}.")
@@ -69,10 +75,12 @@ class Goal:
         )
         return max(fewest, count_fewest_on_average(MOST_UNLIKE_P))
 
-    def find_threshold(self, losses: Array) -> int | None:
-        """Index of the most permissive threshold for losses (grounds, thresholds); None without an accepted one."""
+    def find_threshold(self, losses: Array, shares: bool = False) -> int | None:
+        """Index of the most permissive threshold for losses (grounds, thresholds), 0 or 1 or ``shares``; None without
+        an accepted one.
+        """
         if self.procedure == LEARN_THEN_TEST:
-            return find_confident_threshold(losses, self.alpha, self.delta)
+            return find_confident_threshold(losses, self.alpha, self.delta, shares)
         return find_average_threshold(losses, self.alpha)
 
     def describe(self) -> str:
@@ -94,6 +102,11 @@ class GroundLosses:
     features: Array  # (n, K)
 
 
+def count_fewest_pairs(stated: Sequence[StatedPair]) -> int:
+    """The fewest pairs of a ground in a group."""
+    return min(Counter((pair.ground, pair.group) for pair in stated).values())
+
+
 def check_ground_counts(stated: Sequence[StatedPair], goal: Goal) -> None:
     """Raise IcyMoonError unless each group has enough grounds for a guarantee."""
     groups: dict[str, set[str]] = {}
@@ -111,8 +124,8 @@ def _refuse_few_grounds(grounds: int, group: str, goal: Goal, why: str = "") -> 
         )
         raise IcyMoonError(
             f"{format_count(grounds, 'ground')}{of}{why} cannot guarantee a risk of at most {100 * goal.alpha:g} %"
-            f"{confidence}: it takes {goal.fewest_grounds} grounds, where all pairs and Suns of a ground count as one; "
-            "render more seeds."
+            f"{confidence}: it takes {goal.fewest_grounds} grounds, where all pairs of a seed, or of a place in a "
+            "file, count as one; render more seeds."
         )
 
 
@@ -141,19 +154,28 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
         groups[group] = collect_losses([row for row in own if stated[row["pair"]].group == group], stated)
         why = f" that {name_matcher(label)} could be judged on"
         _refuse_few_grounds(len(groups[group].grounds), group, goal, why)
+    by_ground: dict[str, list[Any]] = {}
+    for row in own:
+        if row["status"] == "ok":
+            by_ground.setdefault(stated[row["pair"]].ground, []).append(row["numbers"])
     return {
+        "scales": fit_scales(list(by_ground.values())),
+        "left_out": len({(stated[row["pair"]].group, stated[row["pair"]].ground) for row in own})
+        - sum(len(losses.grounds) for losses in groups.values()),
         "groups": [
             {"group": group, "grounds": len(losses.grounds), "features": losses.features.tolist()}
             for group, losses in groups.items()
         ],
-        CHOICE: _calibrate_risk([each.choice for each in groups.values()], list(groups.values()), goal),
-        MAP: _calibrate_risk([each.cells for each in groups.values()], list(groups.values()), goal),
+        CHOICE: _calibrate_risk([each.choice for each in groups.values()], list(groups.values()), goal, shares=False),
+        MAP: _calibrate_risk([each.cells for each in groups.values()], list(groups.values()), goal, shares=True),
     }
 
 
-def _calibrate_risk(losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal) -> dict[str, Any]:
+def _calibrate_risk(
+    losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal, shares: bool
+) -> dict[str, Any]:
     """The strictest threshold of the groups' losses (grounds, thresholds), and the counts of all grounds at it."""
-    found = [goal.find_threshold(each) for each in losses]
+    found = [goal.find_threshold(each, shares) for each in losses]
     accepted = [at for at in found if at is not None]
     at = min(accepted) if accepted and len(accepted) == len(found) else None
     return {
@@ -215,16 +237,20 @@ def make_sentences(entries: Mapping[str, Mapping[str, Any]], goal: Goal) -> list
         name, choice = name_matcher(label), entry[CHOICE]
         grounds = sum(each["grounds"] for each in entry["groups"])
         counts = f"{PROCEDURES[goal.procedure]}, {format_count(grounds, 'ground')}"
+        left = f"{entry['left_out']} left out because a pair could not be judged, " if entry["left_out"] else ""
         if choice["threshold"] is None or not choice["acted"]:
             found.append(f"With {name}, no margin that a site has gives a guarantee, so it always abstains ({counts}).")
             continue
         found.append(
             f"With {name}, sites from a margin of {choice['threshold']:.2f} on are guaranteed: {goal.describe()} "
-            f"({counts}, {choice['loss']:.0f} of them unsafe; it acts on {choice['acted']} and abstains on "
+            f"({counts}, {left}{choice['loss']:.0f} of them unsafe; it acts on {choice['acted']} and abstains on "
             f"{grounds - choice['acted']})."
         )
     if goal.group_by:
-        found.append("A margin is the strictest of all groups, and the guarantee holds for each group by itself.")
+        found.append(
+            "A margin is the strictest of all groups, and the guarantee holds for each group by itself, not for all at "
+            "once."
+        )
     return found
 
 

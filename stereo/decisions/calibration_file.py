@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -9,17 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from ...support.errors import IcyMoonError
-from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Kind, Maybe, check_record, is_number
+from ...support.file_schemas import COUNT, NUMBER, POSITIVE, TEXT, Each, Kind, Maybe, check_record, is_number
 from ...support.files import is_file, make_json_digest, quote, write_json
 from ...support.foreign_bytes import ForeignBytes, parse_json, read
+from ...support.number_text import format_count
 from ...support.version import version
-from .calibration import CHOICE, LEAST_RISK, MAP, MOST_RISK, PROCEDURES, Goal, name_matcher
+from .calibration import CHOICE, LEAST_RISK, MAP, MOST_RISK, PROCEDURES, Goal, count_fewest_pairs, name_matcher
 from .calibration_pairs import StatedPair
+from .height_errors import QUANTITIES
 from .rules import Rules
 from .scores import THRESHOLDS
 from .workspace import FEATURES
 
-FORMAT, VERSION = "icymoon-decision-calibration", 1
+FORMAT, VERSION = "icymoon-decision-calibration", 2
 #: Most bytes of a file: some ten thousand grounds.
 _MOST_BYTES = 2**24
 _CALIBRATE_AGAIN = "write it again with decide --calibrate"
@@ -56,9 +59,12 @@ _SHAPE = {
     "min_confidence": NUMBER,
     "devices": Each(Each(TEXT), TEXT),
     "grounds": Each(TEXT),
+    "pairs_of_a_ground": COUNT,
     "matchers": Each(
         {
             "inputs": TEXT,
+            "left_out": COUNT,
+            "scales": {name: Maybe(POSITIVE, null=True) for name in QUANTITIES},
             CHOICE: _ENTRY_OF_RISK,
             MAP: _ENTRY_OF_RISK,
             "groups": Each({"group": TEXT, "grounds": COUNT, "features": Each(_FEATURES)}),
@@ -97,6 +103,7 @@ class Calibration:
     conditions: Mapping[str, Any]
     devices: Mapping[str, Sequence[str]]
     grounds: frozenset[str]
+    pairs_of_a_ground: int  # the fewest
     entries: Mapping[str, Mapping[str, Any]]
 
 
@@ -131,6 +138,7 @@ def write_calibration(
         **conditions.to_json(),
         "devices": devices,
         "grounds": sorted({pair.ground for pair in stated}),
+        "pairs_of_a_ground": count_fewest_pairs(stated),
         "features": list(FEATURES),
         "matchers": dict(entries),
     }
@@ -152,13 +160,13 @@ def read_calibration(path: Path) -> Calibration:
         raise IcyMoonError(f"{path} was changed after it was written; {_CALIBRATE_AGAIN}.")
     check_record(data, _SHAPE, path, _CALIBRATE_AGAIN)
     _check_content(data, path)
-    goal = data["goal"]
     return Calibration(
         path,
-        Goal(goal["alpha"], goal["delta"], goal["procedure"], tuple(goal["group_by"])),
+        _read_goal(data["goal"]),
         {key: data[key] for key in _CONDITIONS},
         data["devices"],
         frozenset(data["grounds"]),
+        data["pairs_of_a_ground"],
         data["matchers"],
     )
 
@@ -179,6 +187,23 @@ def _check_content(data: Mapping[str, Any], path: Path) -> None:
     for group in groups:
         if not fewest <= group["grounds"] == len(group["features"]) <= len(data["grounds"]):
             raise IcyMoonError(f"{path} states other numbers of grounds than it has; {_CALIBRATE_AGAIN}.")
+    goal = _read_goal(data["goal"])
+    for entry in entries:
+        if not all(_can_follow(entry[risk], entry["groups"], goal) for risk in (CHOICE, MAP)):
+            raise IcyMoonError(f"{path} states a margin that does not follow from its losses; {_CALIBRATE_AGAIN}.")
+
+
+def _can_follow(risk: Mapping[str, Any], groups: Sequence[Mapping[str, Any]], goal: Goal) -> bool:
+    """Whether a margin can be the strictest of its groups with this sum of losses."""
+    grounds, by_group = sum(group["grounds"] for group in groups), risk["by_group"]
+    strictest = None if None in by_group else max(by_group, default=None)
+    if len(by_group) != len(groups) or risk["threshold"] != strictest or risk["acted"] > grounds:
+        return False
+    return strictest is None or 0 <= risk["loss"] <= goal.alpha * grounds
+
+
+def _read_goal(stated: Mapping[str, Any]) -> Goal:
+    return Goal(stated["alpha"], stated["delta"], stated["procedure"], tuple(stated["group_by"]))
 
 
 def check_use(
@@ -207,7 +232,13 @@ def check_use(
                 f"{refused} it was made with other options, files or packages of {name_matcher(label)}; calibrate "
                 "again with these."
             )
+    most, numbers = calibration.pairs_of_a_ground, Counter((pair.ground, pair.group) for pair in stated.values())
     for name, pair in stated.items():
+        if numbers[pair.ground, pair.group] > most:
+            raise IcyMoonError(
+                f"{refused} it was made with {format_count(most, 'pair')} of a ground, and {name} is one of "
+                f"{numbers[pair.ground, pair.group]}; give at most {most} of a ground, or calibrate again with more."
+            )
         if pair.ground in calibration.grounds:
             raise IcyMoonError(f"{refused} it was made with the ground of {name}; give pairs of other seeds.")
         for device, digest in pair.devices.items():

@@ -7,29 +7,34 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...render.pairs.pair_folder import Pair
-from ...render.pairs.scene_splits import name_undug_ground
+from ...render.pairs.scene_splits import name_independent_ground
 from ...settings.description import merged
 from ...settings.table import TOPICS
 from ...support.errors import IcyMoonError
 from ...support.files import make_json_digest, shorten
 from ...support.suggestions import suggest_nearest
 
-#: Settings of a rig that a plan varies from pair to pair: they aim and move the rig, and are no part of it.
-_PLACE_SETTINGS = ("x_m", "y_m", "z_m", "height_from", "heading_deg", "pitch_deg", "roll_deg", "frame", "stamp")
+#: Settings of a rig and an arm that a plan varies from pair to pair: they aim and move them, and are no part of them.
+_PLACE_SETTINGS = (
+    *("x_m", "y_m", "z_m", "height_from", "heading_deg", "pitch_deg", "roll_deg", "frame", "stamp"),
+    *("yaw_deg", "shoulder_deg", "elbow_deg", "wrist_deg", "joints"),
+    *(f"{joint}_offset_deg" for joint in ("yaw", "shoulder", "elbow", "wrist", "roll")),
+)
 #: The topics of each device, in words of a sentence.
 _TOPICS_BY_DEVICE = {
     "rig": ("rig", "left_eye", "right_eye", "calibration_error"),
     "camera response": ("sensor",),
     "render quality": ("quality",),
+    "lander": ("lander", "arm"),
 }
 #: Settings that change no image of one render, or only the noise that is drawn.
 _SETTINGS_LEFT_OUT = ("noise_seed",)
-CELLS = "size of cells"
+CELLS, SIZE, TRUTH = "size of cells", "size of the workspace", "kind of true heights"
 
 
 @dataclass(frozen=True)
 class StatedPair:
-    """The ground of a pair before any excavation, its group, and digests of its devices by name."""
+    """The independent ground of a pair, its group, and digests of its devices by name."""
 
     ground: str
     group: str
@@ -59,7 +64,9 @@ def state_pair(
     }
     stated = pair.data.get("workspace")
     devices[CELLS] = f"{float(stated['cell_m'] if stated else cell_m):g} m"
-    return StatedPair(name_undug_ground(pair), name_group(settings, group_by), devices)
+    devices[SIZE] = f"{settings['workspace']['size_m']:g} m"
+    devices[TRUTH] = "exact" if stated else "from the depth of both eyes"
+    return StatedPair(name_independent_ground(pair), name_group(settings, group_by), devices)
 
 
 def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:

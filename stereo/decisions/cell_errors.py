@@ -113,15 +113,9 @@ def debias_planes(planes: Planes, dem: Dem, errors: CellErrors, disc_m: float, s
 
     Where the errors would explain all roughness, it is 0: the heights cannot show any.
     """
-    cell, known = dem.grid.cell_m, dem.known
-    measured = known & ~errors.filled & np.isfinite(errors.variance_m2)
-    count = np.rint(sum_under_footprint(known.astype(np.float64), make_disc(disc_m, cell)))
-    shared = _average_values(errors.shared_cells, measured, cell, disc_m)
-    effective = np.maximum(count / np.where(np.isfinite(shared), shared, 1.0), _FEWEST_EFFECTIVE)
-    noise = _average_values(np.where(measured, errors.variance_m2, 0.0), known, cell, disc_m)
-    smoothed = _average_values(np.where(errors.filled, errors.filled_loss_m2, 0.0), known, cell, disc_m)
+    noise, effective, smoothed = pool_errors(dem, errors, disc_m)
     roughness2 = planes.roughness_m**2 + share * (smoothed - noise * (1 - 3 / effective))
-    spread = average_square_coordinate(disc_m, cell)
+    spread = average_square_coordinate(disc_m, dem.grid.cell_m)
     slope = np.tan(np.radians(planes.slope_deg))
     slope2 = slope**2 - share * 2 * noise / (effective * spread)
     return replace(
@@ -129,6 +123,20 @@ def debias_planes(planes: Planes, dem: Dem, errors: CellErrors, disc_m: float, s
         slope_deg=np.degrees(np.arctan(np.sqrt(np.maximum(slope2, 0.0)))),
         roughness_m=np.sqrt(np.maximum(roughness2, 0.0)),
     )
+
+
+def pool_errors(dem: Dem, errors: CellErrors, disc_m: float) -> tuple[Array, Array, Array]:
+    """Errors under each footprint, arrays (rows, columns): the mean variance of the measured heights over all known
+    cells, m², the effective number of independent cells, and the mean square that filling loses, m².
+    """
+    cell, known = dem.grid.cell_m, dem.known
+    measured = known & ~errors.filled & np.isfinite(errors.variance_m2)
+    count = np.rint(sum_under_footprint(known.astype(np.float64), make_disc(disc_m, cell)))
+    shared = _average_values(errors.shared_cells, measured, cell, disc_m)
+    effective = np.maximum(count / np.where(np.isfinite(shared), shared, 1.0), _FEWEST_EFFECTIVE)
+    noise = _average_values(np.where(measured, errors.variance_m2, 0.0), known, cell, disc_m)
+    smoothed = _average_values(np.where(errors.filled, errors.filled_loss_m2, 0.0), known, cell, disc_m)
+    return noise, effective, smoothed
 
 
 def average_square_coordinate(disc_m: float, cell_m: float) -> float:

@@ -21,11 +21,13 @@ from .calibration import (
 )
 from .calibration_file import Calibration
 from .calibration_pairs import StatedPair
+from .height_errors import QUANTITIES, check_scale, make_check_sentence
 from .scores import THRESHOLDS
 from .stored_maps import ABSTAINS, GUARANTEED, UNLIKE
 from .workspace import FEATURES
 
-_OTHER_GROUP = "group"
+#: Reasons beside ``FEATURES`` for which a ground is unlike: its group, or a pair that failed or contradicts itself.
+_OTHER_GROUP, _FAILED_PAIR = "group", "failed pair"
 _Row = Mapping[str, Any]
 
 
@@ -35,14 +37,20 @@ def apply_calibration(
     """The rows with the entry ``guarantee``, and the entry ``guarantee`` of ``decisions.json``.
 
     Of a row, ``verdict`` is GUARANTEED, ABSTAINS or UNLIKE, ``p`` the p-value of its ground and ``feature`` the number
-    that differs most; the entry is None if the pair failed or contradicts itself.
+    that differs most; the entry is None if the pair failed or contradicts itself. The other pairs of its ground are
+    UNLIKE.
     """
     found = {}
     for label, entry in calibration.entries.items():
-        own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in stated]
-        for ground in dict.fromkeys((stated[row["pair"]].ground, stated[row["pair"]].group) for row in own):
-            pairs = [row for row in own if (stated[row["pair"]].ground, stated[row["pair"]].group) == ground]
-            likeness = _compare_ground(entry, ground[1], pairs)
+        by_ground: dict[tuple[str, str], list[_Row]] = {}
+        for row in (row for row in rows if row["method"] == label and row["pair"] in stated):
+            by_ground.setdefault((stated[row["pair"]].ground, stated[row["pair"]].group), []).append(row)
+        for (_, group), own in by_ground.items():
+            pairs = [row for row in own if row["status"] == "ok"]
+            # A calibration leaves these grounds out, so it tells nothing about them.
+            likeness = (
+                _compare_ground(entry, group, pairs) if len(pairs) == len(own) else {"p": 0.0, "feature": _FAILED_PAIR}
+            )
             for row in pairs:
                 found[row["pair"], label] = likeness | {"verdict": _judge_row(entry, row, likeness)}
     marked = [dict(row) | {"guarantee": found.get((row["pair"], row["method"]))} for row in rows]
@@ -52,7 +60,8 @@ def apply_calibration(
         "alpha": goal.alpha,
         "delta": goal.delta if goal.procedure == LEARN_THEN_TEST else None,
         "procedure": goal.procedure,
-        "grounds": len(calibration.grounds),
+        "groups": list(goal.group_by),
+        "grounds": len(calibration.grounds) - max(entry["left_out"] for entry in calibration.entries.values()),
         "methods": [_summarise_method(label, calibration, marked, stated) for label in _list_labels(rows)],
     }
 
@@ -102,6 +111,16 @@ def _summarise_method(
         "unsafe": unsafe,
         "unsafe_bound": bound_risk(unsafe, grounds, delta),
         "confidence": 1 - delta,
+        "errors": _check_scales(entry["scales"], list(by_ground.values())),
+    }
+
+
+def _check_scales(scales: Mapping[str, float | None], grounds: Sequence[Sequence[_Row]]) -> dict[str, Any]:
+    """The checks of the calibrated errors of maps by quantity, see ``height_errors.check_scale``."""
+    numbers = [[row["numbers"] for row in own] for own in grounds]
+    return {
+        name: None if scale is None else {"scale": scale, "check": check_scale(numbers, name, scale)}
+        for name, scale in ((name, scales[name]) for name in QUANTITIES)
     }
 
 
@@ -116,7 +135,7 @@ def _average_taken(threshold: float | None, by_ground: Mapping[str, Sequence[_Ro
     def find_share(row: _Row) -> float:
         sites = row["numbers"]["sites"]
         unlike = row["guarantee"]["verdict"] == UNLIKE
-        return 0.0 if unlike else float(sites["taken_from"][at]) / max(1, sites["cells"][0])
+        return 0.0 if unlike else float(sites["taken_from"][at]) / max(1, sites["offered"])
 
     return float(np.mean([np.mean([find_share(row) for row in own]) for own in by_ground.values()]))
 
@@ -136,9 +155,19 @@ def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
     )
     head = (
         f"Guarantee for each matcher by itself, from {format_count(guarantee['grounds'], 'calibration ground')} by "
-        f"{PROCEDURES[guarantee['procedure']]}: {confidence}, {risk}."
+        f"{PROCEDURES[guarantee['procedure']]}: {confidence}, {risk}{' of each group' if guarantee['groups'] else ''}."
     )
-    return [head, *map(_make_sentence, guarantee["methods"])]
+    return [head, *map(_make_sentence, guarantee["methods"]), *_make_error_sentences(guarantee["methods"])]
+
+
+def _make_error_sentences(methods: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The checks of the heights' standard deviations; those of slope and roughness are in ``decisions.json``."""
+    found = []
+    for entry in methods:
+        stated = entry["errors"]["height"]
+        if stated is not None and stated["check"] is not None:
+            found.append(make_check_sentence("height", name_matcher(entry["method"]), stated["check"]))
+    return found
 
 
 def _make_sentence(entry: Mapping[str, Any]) -> str:

@@ -20,8 +20,13 @@ THRESHOLDS = tuple(round(1 - k / 100, 2) for k in range(101))
 _ROUNDING = 1e-12
 
 
-def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0) -> dict[str, Any]:
+def score_sites(
+    found: Sites, truth: Sites, among: Array, tolerance: float = 0.0, offered: Array | None = None
+) -> dict[str, Any]:
     """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
+
+    A site is chosen from the cells ``offered``, by default ``among``. They should not depend on the truth, which no
+    lander knows: a site that is out of reach in truth, or of unknown truth, is then unsafe, and not forbidden.
 
     * ``base_rate``: share of safe cells, which is the average precision of a coin.
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
@@ -36,8 +41,8 @@ def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0
       has a safe one, else 0. ``dangerous_choice``: 1 if the chosen site is dangerous, else 0.
     * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true one,
       ``chosen_true_margin``; ``best``: the safe site with the largest true margin.
-    * ``taken_from`` and ``unsafe_from``: numbers of taken cells with at least each margin of ``THRESHOLDS``, and of the
-      unsafe ones among them.
+    * ``taken_from`` and ``unsafe_from``: numbers of offered and taken cells with at least each margin of
+      ``THRESHOLDS``, and of the unsafe ones among them; ``offered``: number of offered cells.
     * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
@@ -52,8 +57,8 @@ def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0
         "dangerous": _divide_or_none((taken & ~_is_within(truth.margin[among], tolerance)).sum(), taken.sum()),
         "lost_by": _count_lost_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
     }
-    result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance)
-    result |= {"taken_from": _count_from(margin[taken]), "unsafe_from": _count_from(margin[taken & ~safe])}
+    result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance, offered)
+    result |= _count_by_margin(found, truth, among if offered is None else offered)
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
 
@@ -90,8 +95,8 @@ def _count_lost_by_rule(failed: Array, safe: int) -> dict[str, float]:
     return {name: float(count) / safe for name, count in zip(RULE_NAMES, counts, strict=True) if count and safe}
 
 
-def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float) -> dict[str, Any]:
-    place, best = choose_site(found, among), choose_site(truth, among)
+def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float, offered: Array | None) -> dict[str, Any]:
+    place, best = choose_site(found, among if offered is None else offered), choose_site(truth, among)
     scored: dict[str, Any] = {
         "regret": None,
         "unsafe_choice": None,
@@ -112,6 +117,15 @@ def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float) ->
         "dangerous_choice": float(unsafe and not _is_within(truth.margin[place], tolerance)),
         "chosen_margin": float(found.margin[place]),
         "chosen_true_margin": margin if np.isfinite(margin) else None,
+    }
+
+
+def _count_by_margin(found: Sites, truth: Sites, offered: Array) -> dict[str, Any]:
+    taken = offered & found.safe
+    return {
+        "taken_from": _count_from(found.margin[taken]),
+        "unsafe_from": _count_from(found.margin[taken & ~truth.safe]),
+        "offered": int(offered.sum()),
     }
 
 

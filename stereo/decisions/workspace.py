@@ -23,6 +23,7 @@ from ..measure.prepare_pair import PreparedPair
 from .cell_errors import CellErrors, fill_gaps, measure_sampling_variance, state_errors
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import average_under_footprint, fit_planes
+from .height_errors import Shape, count_errors, state_shape
 from .joint_margin import find_joint_margins_deg
 from .materials import (
     Materials,
@@ -175,8 +176,8 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     ``materials``; None where one is undefined.
 
     The elevation model without filled cells is compared over the cells in reach that the left image shows, its
-    ``reached`` completeness over all in reach; sites over all in reach whose true height is known; pads over all whose
-    footprint is inside.
+    ``reached`` completeness over all in reach; sites over all in reach whose true height is known, but a site is chosen
+    from all cells whose footprint is inside; pads over all whose footprint is inside.
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known
@@ -194,7 +195,7 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     return {
         **_compare_materials(truth.sites.layers, found.sites.layers, among & workspace.seen),
         "dem": errors,
-        "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance),
+        "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance, workspace.inside),
         "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
     }
 
@@ -221,6 +222,28 @@ def measure_features(workspace: Workspace, found: DecisionMaps) -> dict[str, flo
     return {
         name: round(float(number), 3) if np.isfinite(number) else 0.0
         for name, number in zip(FEATURES, numbers, strict=True)
+    }
+
+
+def state_map_errors(workspace: Workspace, found: DecisionMaps) -> Shape:
+    """The errors of a map up to the scale of its matcher."""
+    assert found.errors is not None
+    return state_shape(found.dem, found.errors, found.sites.layers.slope_deg, workspace.rules.site.disc_m)
+
+
+def count_map_errors(workspace: Workspace, found: DecisionMaps) -> dict[str, dict[str, Any]]:
+    """The errors of heights, slopes and roughnesses in units of their shape, see ``height_errors.count_errors``: of all
+    cells of known true height, and of those whose footprint is in the workspace.
+    """
+    shape, truth = state_map_errors(workspace, found), workspace.truth
+    known = truth.dem.known
+    layers, true_layers = found.sites.layers, truth.sites.layers
+    return {
+        "height": count_errors(found.dem.height_m - truth.dem.height_m, shape.height, known),
+        "slope": count_errors(layers.slope_deg - true_layers.slope_deg, shape.slope, known & workspace.inside),
+        "roughness": count_errors(
+            layers.roughness_m - true_layers.roughness_m, shape.roughness, known & workspace.inside
+        ),
     }
 
 

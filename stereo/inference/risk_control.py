@@ -22,6 +22,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...support.arrays import Array
+from ...support.errors import IcyMoonError
 
 #: Standard deviation of a normal distribution over its median absolute deviation.
 _DEVIATION_OF_MEDIAN = 1.4826
@@ -70,20 +71,23 @@ def make_monotone(losses: Array) -> Array:
     return np.asarray(np.maximum.accumulate(losses, axis=1))
 
 
-def find_confident_threshold(losses: Array, alpha: float, delta: float) -> int | None:
+def find_confident_threshold(losses: Array, alpha: float, delta: float, shares: bool = False) -> int | None:
     """Index of the most permissive threshold by Learn-then-Test; None if the strictest cannot be accepted.
 
-    ``losses`` (grounds, thresholds) are from 0 to 1, from the strictest threshold on. Losses of 0 and 1 alone get the
-    exact binomial test.
+    ``losses`` (grounds, thresholds) are from the strictest threshold on: 0 or 1, with the exact binomial test, or with
+    ``shares`` from 0 to 1, with the test of Hoeffding and Bentkus. The test is stated, because a test that is chosen by
+    the losses is not fixed before them. Raises IcyMoonError for other losses, and a risk or doubt beyond 0 and 1.
     """
+    _check_losses(losses, alpha, shares)
+    if not 0 < delta < 1:
+        raise IcyMoonError(f"The doubt delta is {delta:g}; give a number between 0 and 1.")
     grounds = len(losses)
-    binary = bool(np.isin(losses, (0.0, 1.0)).all())
     found = None
     for k, total in enumerate(losses.sum(axis=0)):
         p = (
-            compute_binomial_p(round(float(total)), grounds, alpha)
-            if binary
-            else compute_share_p(float(total) / max(grounds, 1), grounds, alpha)
+            compute_share_p(float(total) / max(grounds, 1), grounds, alpha)
+            if shares
+            else compute_binomial_p(round(float(total)), grounds, alpha)
         )
         if not grounds or p > delta:
             return found
@@ -94,10 +98,24 @@ def find_confident_threshold(losses: Array, alpha: float, delta: float) -> int |
 def find_average_threshold(losses: Array, alpha: float) -> int | None:
     """Index of the most permissive threshold by conformal risk control; None if the strictest cannot be accepted.
 
-    ``losses`` (grounds, thresholds), from the strictest threshold on, are made monotone first.
+    ``losses`` (grounds, thresholds) from 0 to 1, from the strictest threshold on, are made monotone first. Raises
+    IcyMoonError for other losses, and a risk beyond 0 and 1.
     """
+    _check_losses(losses, alpha, shares=True)
     bounds = (make_monotone(losses).sum(axis=0) + 1) / (len(losses) + 1)
     return int((bounds <= alpha + _ROUNDING).sum()) - 1 if bounds.size and bounds[0] <= alpha + _ROUNDING else None
+
+
+def _check_losses(losses: Array, alpha: float, shares: bool) -> None:
+    """Raise IcyMoonError for a loss that is unknown or out of range: it would count as none."""
+    if not 0 < alpha < 1:
+        raise IcyMoonError(f"The risk alpha is {alpha:g}; give a number between 0 and 1.")
+    good = (losses >= 0) & (losses <= 1) if shares else (losses == 0) | (losses == 1)
+    if not good.all():
+        raise IcyMoonError(
+            f"A loss of a ground is {losses[~good].flat[0]:g}; give {'numbers from 0 to 1' if shares else '0 or 1'}, "
+            "and leave out grounds that cannot be judged."
+        )
 
 
 def count_fewest_grounds(alpha: float, delta: float, failing: int = 0) -> int:

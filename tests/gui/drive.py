@@ -165,7 +165,9 @@ def choose_in_browser(folder: Path, name: str, picture: str, **options: object) 
     browser = manager().windows[1]
     space = browser.screen.areas[0].spaces.active
     yield from until(lambda: space.params, "Listing the files")
-    space.params.directory, space.params.filename = str(folder).encode(), name
+    space.params.directory = str(folder).encode()
+    if name:  # a browser of folders has no name to set
+        space.params.filename = name
     for key_, value in options.items():
         setattr(space.active_operator, key_, value)
     yield 10 * TICK_S

@@ -249,6 +249,14 @@ def test_a_calibration_guarantees_sites_of_other_grounds(dataset, tmp_path, monk
     found = decide_pairs([tmp_path / "new"], [], tmp_path / "used", rules, calibration=file)
     assert [found["guarantee"]["methods"][0][key] for key in ("grounds", "acted", "unsafe")] == [1, 1, 0]
     assert found["rows"][0]["guarantee"]["verdict"] == "guaranteed"
+    scale = json.loads(file.read_text())["matchers"][TRUE_DEPTH]["scales"]["height"]
+    images = found["rows"][0]["images"]
+    sigma, height = (np.load(tmp_path / "used" / images[kind]) for kind in ("height_sigma", "dem"))
+    np.testing.assert_array_equal(np.isfinite(sigma), np.isfinite(height))
+    assert np.nanmin(sigma) >= scale * 0.99e-6
+    assert {"slope_sigma", "roughness_sigma"} <= images.keys()
+    assert "height_sigma" not in report["rows"][0]["images"]
+    assert any("of the cells and by less than two in" in said for said in found["head"])
     assert "Guaranteed sites" in (tmp_path / "used" / "decisions.html").read_text(encoding="utf-8")
     with (tmp_path / "used" / "decisions.csv").open(encoding="utf-8", newline="") as stream:
         (line,) = csv.DictReader(stream)

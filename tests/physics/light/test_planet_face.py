@@ -5,7 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.planet_face import FACES, face_tint, spot_axes
+from icymoon.physics.light.planet_face import (
+    FACES,
+    LEAST_COSINE,
+    face_tint,
+    radiance_over_zenith,
+    spot_axes,
+)
 from icymoon.physics.light.planetshine import Planet, irradiance_wm2
 from icymoon.physics.light.saturn_rings import RINGS
 from icymoon.physics.mesh.horizon import dip_deg
@@ -92,9 +98,55 @@ def test_saturn_is_brightest_at_its_equator_and_has_a_darker_limb_in_red_than_in
         return shown.direction + radius * (math.cos(up) * out + math.sin(up) * NORTH)
 
     equator, belt, limb = face_radiance(shown, np.stack([at(0, 0), at(25, 0), at(0, 70)]))
-    # Minnaert's law with exponents near 1 gives the belt the cosine of its latitude, twice: 0.906^0.9.
-    assert belt[1] / equator[1] == pytest.approx(0.90 / 1.16 * math.cos(math.radians(25)) ** 0.87, rel=0.03)
+    # Both cosines of the belt are smaller by the cosine of its latitude: 0.906^(1.295 - 1).
+    assert belt[1] / equator[1] == pytest.approx(0.90 / 1.16 * math.cos(math.radians(25)) ** 0.295, rel=0.03)
     assert limb[0] / equator[0] < limb[2] / equator[2]
+
+
+@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize("phase", [0.0, 20.0, 75.0, 140.0])
+def test_a_place_is_as_bright_if_sun_and_observer_change_places(face, phase):
+    """Helmholtz's reciprocity: light that leaves a surface, per light that reaches it, is the same both ways.
+
+    Without the spot, whose longitude is counted from the observer's.
+    """
+    random = np.random.default_rng(1)
+    toward = random.normal(size=(200, 3))
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    aside = np.cross(toward, random.normal(size=(200, 3)))
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    sun = math.cos(math.radians(phase)) * toward + math.sin(math.radians(phase)) * aside
+    normal = sun + toward + 0.5 * random.normal(size=(200, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    seen = np.minimum((normal * sun).sum(axis=1), (normal * toward).sum(axis=1)) > 0.03
+    assert seen.sum() > 20
+    for n, s, o in zip(normal[seen], sun[seen], toward[seen], strict=True):
+        there, back = (
+            radiance_over_zenith(replace(FACES[face], spot=None), planet(face, sun=a, direction=-b), n, b) / (n @ a)
+            for a, b in ((s, o), (o, s))
+        )
+        assert there == pytest.approx(back, rel=1e-9)
+
+
+@pytest.mark.parametrize("phase", [0.0, 15.0, 30.0, 60.0, 64.0, 90.0, 120.0, 150.0])
+def test_saturn_is_darker_at_its_limb_than_before_it(phase):
+    """On the Sun's side of the equator, in each band: an exponent below 1 would make the rim bright."""
+    toward = np.array([0.0, 0.0, 1.0])
+    sun = np.array([math.sin(math.radians(phase)), 0.0, math.cos(math.radians(phase))])
+    shown = planet("SATURN", sun=sun, direction=-toward, flattening=0.0)
+    emission = np.linspace(LEAST_COSINE, 1.0, 200)
+    normal = np.stack([np.sqrt(1 - emission**2), 0 * emission, emission], axis=1)
+    light = radiance_over_zenith(FACES["SATURN"], shown, normal, np.broadcast_to(toward, normal.shape))
+    assert (np.diff(light[:5], axis=0) > 0).all()
+
+
+def test_saturn_in_full_light_has_the_profile_of_half_barkstroms_exponents():
+    """The law is Minnaert's there. Its exponents are those of Dones et al. 1993, 1.48 in red and 1.11 in blue."""
+    shown = planet("SATURN", sun=np.array([0.0, 0.0, 1.0]), direction=np.array([0.0, 0.0, -1.0]), flattening=0.0)
+    normal = np.array([[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]])
+    limb, middle = radiance_over_zenith(FACES["SATURN"], shown, normal, np.array([0.0, 0.0, 1.0]))
+    for band, k in ((0, 0.74), (2, 0.555)):
+        assert limb[band] / middle[band] == pytest.approx(0.8 ** (2 * k - 1), rel=1e-9)
 
 
 def test_a_planet_that_is_new_or_has_no_light_is_dark_and_finite():

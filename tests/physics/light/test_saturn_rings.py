@@ -136,7 +136,7 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     assert 0.7 < share < 0.95
     assert share == pytest.approx(passed.sum() / lit.sum(), abs=3e-3)
     up = np.array([0.0, 0.0, 1.0])
-    mesh = make_disc_mesh(shown, 144)
+    mesh = make_disc_mesh(shown, 1e-6, 144)
     corners = mesh.vertices[mesh.faces]
     area = (
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -158,7 +158,7 @@ def test_below_the_horizon_there_is_nothing_and_half_of_it_at_the_horizon():
 
 def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     shown = planet(60.0, flattening=0.1)
-    mesh = make_disc_mesh(shown)
+    mesh = make_disc_mesh(shown, 1e-6)
     corners = mesh.vertices[mesh.faces]
     area = (
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -173,6 +173,62 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     light = (radiance[:, 0] * solid_angle * middle[:, 2] / distance).sum()
     assert light == pytest.approx(irradiance_wm2(shown, UP), rel=2e-3)
     assert radiance.min() == 0
+
+
+@pytest.mark.parametrize("pixel", [2e-3, 8e-3])
+def test_a_pixel_on_the_limb_is_covered_by_the_share_of_the_planet_in_it(pixel):
+    shown = planet(60.0, flattening=0.1)
+    outline = find_outline(shown)
+    tangent = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    mesh = make_disc_mesh(shown, pixel)
+    near = np.flatnonzero(mesh.transmission > 0)[::31]
+    ray = mesh.vertices[near] / np.linalg.norm(mesh.vertices[near], axis=1, keepdims=True)
+    nearest = np.array([((outline - each) ** 2).sum(axis=1).argmin() for each in ray])
+    apart = np.linalg.norm(np.cross(tangent[nearest], ray - outline[nearest]), axis=1)
+    beyond = np.linalg.norm(ray - shown.direction, axis=1) > np.linalg.norm(outline[nearest] - shown.direction, axis=1)
+    expected = 0.5 + np.where(beyond, apart, -apart) / pixel
+    # Neighbours on the outline are 4e-4 apart, so that a chord is within 1e-7 of it.
+    assert mesh.transmission[near] == pytest.approx(expected, abs=1e-4)
+    assert ((expected > 0.05) & (expected < 0.45)).sum() > 20
+    assert (expected > 0.99).sum() > 10
+
+
+def find_outline(shown):
+    """Unit vectors (4000, 3) to the limb: by bisection, as a ray hits if its quadratic equation has a solution."""
+    radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
+    shape = (np.eye(3) + ((1 - shown.flattening) ** -2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2
+    across = np.linalg.qr(np.column_stack([shown.direction, np.eye(3)[:, :2]]))[0][:, 1:]
+    angle = np.arange(4000) * 2 * np.pi / 4000
+    side = np.cos(angle)[:, None] * across[:, 0] + np.sin(angle)[:, None] * across[:, 1]
+    inner, outer = np.zeros(len(side)), np.full(len(side), 0.5)
+    for _ in range(50):
+        middle = (inner + outer) / 2
+        tried = shown.direction + np.tan(middle)[:, None] * side
+        far = shown.direction @ shape @ shown.direction - 1
+        hits = (tried @ shape @ shown.direction) ** 2 >= np.einsum("ni,ij,nj->n", tried, shape, tried) * far
+        inner, outer = np.where(hits, middle, inner), np.where(hits, outer, middle)
+    return np.cos(inner)[:, None] * shown.direction + np.sin(inner)[:, None] * side
+
+
+@pytest.mark.parametrize(("per_radius", "off"), [(0.01, 1e-3), (0.1, 6e-3), (10.0, 6e-3)])
+def test_a_soft_limb_leaves_the_planet_its_light(per_radius, off):
+    shown = planet(40.0, flattening=0.1)
+    sharp, soft = (
+        make_disc_mesh(shown, pixel * math.sin(math.radians(shown.angular_diameter_deg / 2)), 192)
+        for pixel in (1e-7, per_radius)
+    )
+    assert light_of(soft, shown) == pytest.approx(light_of(sharp, shown), rel=off)
+
+
+def light_of(mesh, shown):
+    """Irradiance from the faces of a disc's mesh on a surface that faces it."""
+    corners = mesh.vertices[mesh.faces]
+    middle = corners.mean(axis=1)
+    area = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]) / 2
+    facing = -(area * middle).sum(axis=1) * (middle @ shown.direction) / np.linalg.norm(middle, axis=1) ** 4
+    covered = 1 - mesh.transmission[mesh.faces].mean(axis=1)
+    return float((face_radiance(shown, middle)[:, 1] * covered * facing).sum())
 
 
 def test_the_sky_of_the_settings():

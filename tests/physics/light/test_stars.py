@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from icymoon.physics.camera.sensor import choose_exposure_s, gain_dn_per_e
 from icymoon.physics.light import ephemeris, stars
-from icymoon.physics.light.photons import electron_rate, planck_radiance, total_radiance
+from icymoon.physics.light.photons import electron_rate, pixel_pitch_m, planck_radiance, total_radiance
 from icymoon.physics.light.sky import azimuth_deg, compute_sky, elevation_deg
-from icymoon.settings import description
+from icymoon.physics.rig.focal_length import focal_px
+from icymoon.settings import description, preset_files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -137,3 +139,19 @@ def test_at_a_date_the_stars_turn_about_the_bodys_axis(body, declination):
         ephemeris.BODIES[body].orbit, ephemeris.days_since_j2000("2035-03-01T12:00:00")
     )
     assert angle_deg(now.from_j2000 @ toward, now.sun) < 1e-6
+
+
+@pytest.mark.parametrize(("rig", "electrons"), [("guiss", 61), ("gallery", 307)])
+def test_hardly_any_star_shows_in_the_exposure_of_sunlit_snow(rig, electrons):
+    """The figures of docs/theory/light.md. Sirius, at V = -1.46, is the brightest star."""
+    made = description.merged(
+        description.defaults(), preset_files.load_preset(f"rigs/{rig}"), preset_files.load_preset("sensors/default")
+    )
+    rate = electron_rate(made.light, made.sensor, pixel_pitch_m(made.sensor, made.rig))
+    snow = np.full(100, 3.17)  # W/(m² sr), of scenes/enceladus_fresh_snow
+    # A pixel in the middle of the image is 1 / f wide; the radiance of a star that fills it is its light by that area.
+    radiance = stars.V0_WM2 * 10 ** (0.4 * 1.46) * focal_px(made.rig) ** 2
+    sirius = radiance * rate * choose_exposure_s(snow, rate, made.sensor)
+    assert sirius == pytest.approx(electrons, rel=0.01)
+    steps = sirius * gain_dn_per_e(made.sensor)
+    assert steps < 1 if rig == "guiss" else 3 < steps < 5

@@ -33,6 +33,7 @@ from icymoon.stereo.decisions.guarantee import (
     bound_share,
     make_guarantee_sentences,
 )
+from icymoon.stereo.decisions.height_errors import QUANTITIES, count_errors
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import ABSTAINS, GUARANTEED, UNLIKE
@@ -43,6 +44,10 @@ from icymoon.support.files import make_json_digest
 DEVICES = {"rig": "r", "camera response": "c", "render quality": "q", "size of cells": "0.02 m"}
 CONDITIONS = Conditions(6, read_rules(), 0.0, 0.0)
 INPUTS = {"bm": "digest"}
+#: Normal errors of half of the stated size.
+ERRORS = dict.fromkeys(
+    QUANTITIES, count_errors(np.random.default_rng(0).normal(0, 0.5, 10_000), np.ones(10_000), np.ones(10_000, bool))
+)
 
 
 def make_row(pair, margin, unsafe=0.0, cells=(100, 100), unsafe_cells=0, features=0.5):
@@ -54,9 +59,9 @@ def make_row(pair, margin, unsafe=0.0, cells=(100, 100), unsafe_cells=0, feature
         "unsafe_choice": unsafe if chosen else None,
         "taken_from": [cells[1] if each else 0 for each in reached],
         "unsafe_from": [unsafe_cells if each else 0 for each in reached],
-        "cells": [cells[0], 0, cells[1], 0],
+        "offered": cells[0],
     }
-    numbers = {"sites": sites, "features": dict.fromkeys(FEATURES, features)}
+    numbers = {"sites": sites, "features": dict.fromkeys(FEATURES, features), "errors": ERRORS}
     return {"pair": pair, "method": "bm", "status": "ok", "numbers": numbers}
 
 
@@ -161,6 +166,17 @@ def test_risks_out_of_range_are_refused(goal):
         goal.check()
 
 
+def test_an_unknown_procedure_is_refused():
+    with pytest.raises(IcyMoonError, match="--procedure is 'ltt'; give learn-then-test or conformal"):
+        Goal(procedure="ltt").check()
+
+
+def test_the_map_has_the_test_of_shares_even_where_all_shares_are_0_or_1():
+    rows, stated = draw_grounds(93)
+    rows = [make_row(row["pair"], 1.0, unsafe_cells=100 * (k == 0)) for k, row in enumerate(rows)]
+    assert calibrate_matchers(rows, stated, INPUTS, Goal())["bm"][MAP]["threshold"] is None
+
+
 def test_rules_that_no_site_meets_give_no_calibration():
     rows, stated = draw_grounds(60)
     rows = [make_row(row["pair"], None) for row in rows]
@@ -197,12 +213,22 @@ def change_group(content, key, value):
     return sign(content)
 
 
+def change_scale(content, value):
+    content["matchers"]["bm"]["scales"]["height"] = value
+    return sign(content)
+
+
+def change_choice(content, **changes):
+    content["matchers"]["bm"][CHOICE] |= changes
+    return sign(content)
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
         (lambda c: [], "is not a calibration"),
         (lambda c: sign(c | {"format": "icymoon-decisions"}), "is not a calibration"),
-        (lambda c: sign(c | {"version": 2}), "has format version 2"),
+        (lambda c: sign(c | {"version": 1}), "has format version 1"),
         (lambda c: c | {"decisions": 5}, "was changed after it was written"),
         (lambda c: sign(c | {"grounds": 3}), "grounds is 3, not a list"),
         (lambda c: sign(c | {"features": ["other"]}), "by other numbers"),
@@ -210,6 +236,12 @@ def change_group(content, key, value):
         (lambda c: sign(c | {"goal": c["goal"] | {"alpha": 0.001}}), "other numbers of grounds"),
         (lambda c: change_group(c, "grounds", 10**9), "other numbers of grounds"),
         (lambda c: change_group(c, "features", [[1.0]]), r"features\[0\] is"),
+        (lambda c: change_choice(c, threshold=0.0), "does not follow from its losses"),
+        (lambda c: change_choice(c, threshold=0.0, by_group=[0.0], loss=9), "does not follow from its losses"),
+        (lambda c: change_choice(c, by_group=[]), "does not follow from its losses"),
+        (lambda c: change_scale(c, 0.0), "height is 0.0, not a number above 0"),
+        (lambda c: change_scale(c, -1), "height is -1, not a number above 0"),
+        (lambda c: change_scale(c, "1"), "not a number above 0"),
         (lambda c: sign(c | {"matchers": {"bm": c["matchers"]["bm"] | {"groups": []}}}), "without grounds"),
     ],
 )
@@ -288,11 +320,72 @@ def test_sites_are_guaranteed_or_the_lander_abstains(tmp_path):
     assert [entry[key] for key in ("grounds", "acted", "abstained", "unlike", "unsafe")] == [5, 2, 2, 1, 1]
     assert entry["acted_bounds"] == pytest.approx([0.0527, 0.8534], abs=1e-4)  # tables of Clopper and Pearson
     assert entry["unsafe_bound"] == pytest.approx(0.6574, abs=1e-4)
-    head, sentence = make_guarantee_sentences(guarantee)
+    head, sentence, _ = make_guarantee_sentences(guarantee)
     assert "with 95 % confidence, a chosen site is unsafe on at most 5 % of grounds" in head
     assert "60 calibration grounds by Learn-then-Test" in head
     assert "a guaranteed site on 2 of 5 grounds (5 to 85 %)" in sentence
     assert "on 1, which is unlike the calibration grounds, it has no guarantee" in sentence
+
+
+def test_errors_of_maps_get_a_scale_that_is_checked_on_other_grounds(tmp_path):
+    found = calibrated(tmp_path / "c.json")
+    assert found.entries["bm"]["scales"] == pytest.approx(dict.fromkeys(QUANTITIES, 0.5), rel=0.03)
+    rows, stated = draw_grounds(3, seed=9, first=100)
+    guarantee = apply_calibration(found, rows, stated)[1]
+    for name in QUANTITIES:
+        check = guarantee["methods"][0]["errors"][name]["check"]
+        assert check["within"] == pytest.approx([0.683, 0.954], abs=0.01)
+        assert check["grounds"] == 3
+    assert "errs by less than one stated standard deviation in 68 %" in make_guarantee_sentences(guarantee)[-1]
+
+
+def test_grounds_with_more_pairs_than_calibrated_are_refused(tmp_path):
+    """The loss of a ground is the worst of its pairs, so more pairs have more risk."""
+    found = calibrated(tmp_path / "c.json")
+    pairs = {f"sun{k}": StatedPair("new", "", DEVICES) for k in range(3)}
+    with pytest.raises(IcyMoonError, match="with 1 pair of a ground, and sun0 is one of 3; give at most 1 of a ground"):
+        check_use(found, CONDITIONS, pairs, INPUTS)
+    two = [StatedPair(f"g{k}", "", DEVICES) for k in range(60) for _ in range(3 if k else 2)]
+    write_calibration(found.path, found.goal, CONDITIONS, two, found.entries)
+    again = read_calibration(found.path)
+    assert again.pairs_of_a_ground == 2
+    check_use(again, CONDITIONS, dict(list(pairs.items())[:2]), INPUTS)
+    with pytest.raises(IcyMoonError, match="with 2 pairs of a ground"):
+        check_use(again, CONDITIONS, pairs, INPUTS)
+
+
+def test_a_ground_with_a_failed_pair_has_no_guarantee(tmp_path):
+    """A calibration leaves such grounds out, and states how many, so it tells nothing about them."""
+    rows, stated = draw_grounds(60, first=100)
+    rows[0] |= {"status": "failed", "numbers": None}
+    found = calibrated(tmp_path / "c.json")
+    entries = calibrate_matchers(rows, stated, INPUTS, Goal(alpha=0.1))
+    assert entries["bm"]["left_out"] == 1
+    assert "59 grounds, 1 left out because a pair could not be judged," in make_sentences(entries, Goal(alpha=0.1))[0]
+    rows = [make_row("good", 0.9, features=0.0), make_row("bad", 0.9) | {"status": "failed", "numbers": None}]
+    marked, guarantee = apply_calibration(found, rows, dict.fromkeys(("good", "bad"), StatedPair("new", "", DEVICES)))
+    assert [row["guarantee"] and row["guarantee"]["verdict"] for row in marked] == [UNLIKE, None]
+    assert [guarantee["methods"][0][key] for key in ("grounds", "acted", "unlike")] == [1, 0, 1]
+
+
+def test_a_guarantee_of_groups_says_so(tmp_path):
+    found = calibrated(tmp_path / "c.json")
+    rows, stated = draw_grounds(3, seed=9, first=100)
+    for group_by, says in (((), False), (("light.sun_elevation_deg",), True)):
+        grouped = replace(found, goal=replace(found.goal, group_by=group_by))
+        head = make_guarantee_sentences(apply_calibration(grouped, rows, stated)[1])[0]
+        assert head.endswith("like the calibration grounds of each group.") is says
+
+
+def test_a_group_with_one_ground_is_refused():
+    rows, stated = draw_grounds(60)
+    stated["p7"] = replace(stated["p7"], group="light.sun_elevation_deg=5")
+    for check in (
+        lambda: check_ground_counts(list(stated.values()), Goal()),
+        lambda: calibrate_matchers(rows, stated, INPUTS, Goal()),
+    ):
+        with pytest.raises(IcyMoonError, match=r"^1 ground with light\.sun_elevation_deg=5"):
+            check()
 
 
 def test_a_group_that_was_not_calibrated_is_unlike(tmp_path):

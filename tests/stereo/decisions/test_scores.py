@@ -104,6 +104,20 @@ def test_regret_is_the_margin_that_is_given_away():
     assert score_sites(replace(sites(margin)), truth, ~ALL)["regret"] is None
 
 
+def test_the_truth_forbids_no_site_that_a_lander_may_choose():
+    """A site that only looks in reach is an unsafe choice, and an unsafe cell of the map."""
+    truth, margin = sites(np.full(ALL.shape, 0.2)), np.full(ALL.shape, 0.1)
+    margin[0] = 0.5
+    truth.margin[0], truth.failed[0] = -np.inf, 5
+    among = truth.safe
+    assert score_sites(sites(margin), truth, among)["unsafe_choice"] == 0.0
+    found = score_sites(sites(margin), truth, among, offered=ALL)
+    assert (found["chosen"], found["unsafe_choice"], found["regret"]) == ([0, 24], 1.0, 1.0)
+    at = THRESHOLDS.index(0.3)
+    assert (found["taken_from"][at], found["unsafe_from"][at], found["offered"]) == (50, 50, 2000)
+    assert found["false_safe"] == 0.0  # over the cells in reach
+
+
 def test_marginal_sites_are_apart_from_dangerous_ones():
     truth, margin = sites(np.full(ALL.shape, 0.2)), np.full(ALL.shape, -0.2)
     margin[:4] = 0.3  # 200 cells are taken

@@ -17,6 +17,7 @@ from icymoon.stereo.inference.risk_control import (
     find_confident_threshold,
     make_monotone,
 )
+from icymoon.support.errors import IcyMoonError
 
 THRESHOLDS = np.linspace(1.0, 0.0, 21)
 CALIBRATIONS, ALPHA, DELTA = 2000, 0.05, 0.05
@@ -58,7 +59,7 @@ def test_shares_are_below_alpha_with_the_stated_confidence():
     losses = random.beta(0.5 * mean / (1 - mean), 0.5, (CALIBRATIONS, 120, 4))
     envelope = np.maximum.accumulate(losses, axis=2)
     risk = np.maximum.accumulate(random.beta(0.5 * mean / (1 - mean), 0.5, (50_000, 4)), axis=1).mean(axis=0)
-    found = [find_confident_threshold(each, ALPHA, DELTA) for each in envelope]
+    found = [find_confident_threshold(each, ALPHA, DELTA, shares=True) for each in envelope]
     exceeded = np.mean([k is not None and risk[k] > ALPHA for k in found])
     assert exceeded <= DELTA
     assert np.mean([k is not None for k in found]) > 0.5
@@ -88,6 +89,39 @@ def test_the_sequence_stops_at_the_first_threshold_that_fails():
     assert find_confident_threshold(losses, 0.05, 0.05) == 1
     losses[:10, 0] = 1.0
     assert find_confident_threshold(losses, 0.05, 0.05) is None
+
+
+@pytest.mark.parametrize(
+    ("loss", "shares", "shown"), [(math.nan, True, "nan"), (-1.0, True, "-1"), (2.0, True, "2"), (0.5, False, "0.5")]
+)
+def test_losses_that_are_no_risk_are_refused(loss, shares, shown):
+    """An unknown or negative loss would make the risk look smaller."""
+    losses = np.zeros((60, 3))
+    losses[7, 1] = loss
+    with pytest.raises(IcyMoonError, match=f"A loss of a ground is {shown}; give"):
+        find_confident_threshold(losses, 0.05, 0.05, shares)
+    if shares:
+        with pytest.raises(IcyMoonError, match="A loss of a ground is"):
+            find_average_threshold(losses, 0.05)
+
+
+@pytest.mark.parametrize("wrong", [0.0, 1.0, math.nan])
+def test_certainty_is_refused(wrong):
+    with pytest.raises(IcyMoonError, match="alpha is"):
+        find_average_threshold(np.zeros((60, 3)), wrong)
+    for alpha, delta in ((wrong, 0.05), (0.05, wrong)):
+        with pytest.raises(IcyMoonError, match="between 0 and 1"):
+            find_confident_threshold(np.zeros((60, 3)), alpha, delta)
+
+
+def test_the_test_of_shares_does_not_depend_on_the_losses():
+    """Shares that happen to be 0 or 1 get the test of shares. With one failure, 93 grounds suffice for the binomial one
+    alone.
+    """
+    losses = np.zeros((93, 1))
+    losses[0] = 1.0
+    assert find_confident_threshold(losses, 0.05, 0.05) == 0
+    assert find_confident_threshold(losses, 0.05, 0.05, shares=True) is None
 
 
 @pytest.mark.parametrize(("failing", "grounds", "alpha"), [(0, 59, 0.05), (2, 124, 0.05), (3, 40, 0.1), (7, 7, 0.3)])
