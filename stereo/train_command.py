@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import time
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
 from ..support import printer
@@ -72,8 +73,9 @@ def run_train(parsed: argparse.Namespace) -> int:
     from .training_data import open_sources
 
     torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
-    rate = {"rate": _RATE_FROM_WEIGHTS} if parsed.start else {}
-    plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, **rate)
+    plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed)
+    if parsed.start:
+        plan = replace(plan, rate=_RATE_FROM_WEIGHTS)
     grounds = CachedGrounds(open_sources(parsed.data, plan.pair_px, plan.seed), parsed.out / "grounds")
     if parsed.device == "cuda" and not torch.cuda.is_available():
         raise IcyMoonError("--device is cuda, but PyTorch finds no CUDA device here; use cpu.")

@@ -2,7 +2,7 @@
 
     python -m icymoon batch datasets/held_out --out PAIRS
     python -m icymoon evaluate PAIRS --methods bm,sgbm,sgbm_wls,jplv,icynet --confidence own,left-right --out REPORT
-    python benchmarks held_out PAIRS REPORT
+    python benchmarks held_out PAIRS REPORT [--sheet FILE.jpg]
 
 Of each scene: the share of the pixels with a true depth that are missing or wrong by more than 1 px, and in brackets
 the share of SGBM's own pixels that are wrong so. "filled" is SGBM whose holes are filled smoothly from their edges.
@@ -31,11 +31,14 @@ CLASSES = ("ground", "landform", "body", "sun")
 JUDGED, PLAIN, FILLED = "icynet", "sgbm", "filled"
 #: Width in px around a hole from which it is filled.
 _FILL_RADIUS_PX = 3
+#: Width and height in px of a picture in the sheet.
+_SHEET_PX = 320, 240
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path, help="pairs of the plan datasets/held_out")
     parser.add_argument("report", type=Path, help="folder of their evaluation")
+    parser.add_argument("--sheet", type=Path, help="picture of one scene of each class, to write")
 
 
 def read_errors_px(pair: Path, folder: Path, method: str) -> tuple[Array, Array]:
@@ -90,6 +93,16 @@ def name_scenes(dataset: Path) -> list[tuple[str, str, str]]:
     return found
 
 
+def write_sheet(folders: list[Path], file: Path) -> None:
+    """Write the left image, the true depth, and the depth maps of SGBM and icynet of scenes, one in a row."""
+    names = ("left", "true_depth", f"{PLAIN}_depth", f"{JUDGED}_depth", f"{JUDGED}_confidence")
+    rows = [
+        np.hstack([cv2.resize(cv2.imread(str(folder / f"{name}.png")), _SHEET_PX) for name in names])
+        for folder in folders
+    ]
+    cv2.imwrite(str(file), np.vstack(rows))
+
+
 def print_rows(table: Array, scenes: list[tuple[str, str, str]], methods: list[str]) -> None:
     """Print a Markdown table of ``table`` (scenes, methods, 2), in percent, with the mean of each class and of all."""
     print("| class | ground, Sun | " + " | ".join(methods) + " |")
@@ -119,11 +132,11 @@ def print_confidences(report: Path) -> None:
     names = dict.fromkeys((row["method"], measure) for row in rows for measure in row["confidence"])
     for method, measure in names:
         those = [row["confidence"][measure] for row in rows if row["method"] == method and measure in row["confidence"]]
-        means = (
-            f"{key} {np.nanmean([np.nan if each[key] is None else each[key] for each in those]):.3f}"
-            for key in CONFIDENCE_METRICS
-        )
-        print(f"{method} {measure}: {', '.join(means)} ({len(those)} scenes)")
+        means = []
+        for key in CONFIDENCE_METRICS:
+            known = [each[key] for each in those if each[key] is not None]
+            means.append(f"{key} {np.mean(known):.3f} in {len(known)}" if known else f"{key} in none")
+        print(f"{method} {measure}, means over scenes: {', '.join(means)}")
 
 
 def main(options: argparse.Namespace) -> None:
@@ -139,3 +152,6 @@ def main(options: argparse.Namespace) -> None:
     print_rows(table, scenes, shown)
     print_ratios(table, shown)
     print_confidences(options.report)
+    if options.sheet:
+        first = [next(name for name, kind, _ in reversed(scenes) if kind == wanted) for wanted in CLASSES]
+        write_sheet([options.report / "pairs" / name for name in first], options.sheet)
