@@ -292,7 +292,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     command.add_argument(
         "--methods",
         help="matchers, separated by commas, with their own options, as in bm:window=21; "
-        "or none, which --predictions alone mean (bm,sgbm)",
+        "or none, which --predictions alone mean (bm,sgbm, and icynet where PyTorch or ONNX Runtime is)",
     )
     _add_method_options(command)
     add_list(
@@ -345,9 +345,9 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
 
 def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
     """The methods of ``evaluate``; empty if only predictions are evaluated."""
-    from .matchers.methods import parse_methods
+    from .matchers.methods import list_default_methods, parse_methods
 
-    chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
+    chosen = ("" if parsed.predictions else list_default_methods()) if parsed.methods is None else parsed.methods
     if chosen.strip() == "none":
         chosen = ""
     some = chosen or parsed.method or not parsed.predictions

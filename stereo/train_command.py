@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import time
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
 from ..support import printer
@@ -16,6 +17,8 @@ from ..support.terminal import add_json_lines, as_path, check_least, tell_events
 _PACKAGES = ("torch", "safetensors", "onnx", "matplotlib", "cv2")
 #: Seconds between checkpoints: the most that a kill loses.
 _SAVE_INTERVAL_S = 60.0
+#: Learning rate of a training that starts from weights: a third of the usual one, so that it forgets less.
+_RATE_FROM_WEIGHTS = 3e-4
 #: Steps whose loss is averaged for the line of progress.
 _SHOWN_STEPS = 50
 
@@ -43,13 +46,16 @@ def add_train_options(command: argparse.ArgumentParser) -> None:
         help="folders of data sets (their split train), or made, pairs made by rays; several by turns (%(default)s)",
     )
     command.add_argument(
-        "--start", type=as_path, metavar="WEIGHTS", help="weights to start from, to fine-tune a network"
+        "--start",
+        type=as_path,
+        metavar="WEIGHTS",
+        help="weights to start from, to fine-tune a network: a file, or icynet, the weights that come with Icy Moon",
     )
     command.add_argument(
         "--device", default="cpu", choices=("cpu", "cuda"), help="where the network is trained (%(default)s)"
     )
-    command.add_argument("--steps", type=int, default=6000, metavar="N", help="steps in all (%(default)s)")
-    command.add_argument("--batch", type=int, default=6, metavar="N", help="crops of a step (%(default)s)")
+    command.add_argument("--steps", type=int, default=3000, metavar="N", help="steps in all (%(default)s)")
+    command.add_argument("--batch", type=int, default=8, metavar="N", help="crops of a step (%(default)s)")
     command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all grounds (%(default)s)")
     add_json_lines(command)
 
@@ -63,16 +69,19 @@ def run_train(parsed: argparse.Namespace) -> int:
 
     from .learning.train import WEIGHTS_FILE, CachedGrounds, Plan, Run
     from .learning.trainable import find_trainable
+    from .matchers.icynet import SHIPPED, TITLE
     from .training_data import open_sources
 
     torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
-    plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, steps_per_ground=15)
+    plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed)
+    if parsed.start:
+        plan = replace(plan, rate=_RATE_FROM_WEIGHTS)
     grounds = CachedGrounds(open_sources(parsed.data, plan.pair_px, plan.seed), parsed.out / "grounds")
     if parsed.device == "cuda" and not torch.cuda.is_available():
         raise IcyMoonError("--device is cuda, but PyTorch finds no CUDA device here; use cpu.")
     run = Run(plan, parsed.out, grounds, find_trainable(parsed.network), parsed.device)
     if parsed.start:
-        run.start_from(parsed.start)
+        run.start_from(SHIPPED["safetensors"] if str(parsed.start) == TITLE else parsed.start)
     saved, recent = time.monotonic(), deque[float](maxlen=_SHOWN_STEPS)
     with tell_events("Training", parsed.json_lines) as tell:
         for row in run.iterate():

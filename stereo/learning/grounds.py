@@ -7,7 +7,7 @@ standing place. Many crops share it. Everything follows from the seed, the split
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -79,6 +79,21 @@ _ROCK_LEVEL = 2
 _CLEAR_M = 0.5
 #: East and north of an azimuth, counted from east.
 _CIRCLE: tuple[Callable[[Array], Array], ...] = (np.cos, np.sin)
+
+
+@dataclass(frozen=True)
+class Variety:
+    """What differs between training pairs, so that a study can narrow it: the ``terrains``, the elevations ``suns_deg``
+    of the Sun, whether the albedo varies over a ground, and whether the sensor has noise and stray pixels."""
+
+    terrains: tuple[str, ...] = TERRAINS
+    suns_deg: tuple[float, float] = SUN_DEG
+    has_patterns: bool = True
+    has_noise: bool = True
+
+
+#: All that can differ.
+FULL = Variety()
 
 
 @dataclass(frozen=True)
@@ -181,15 +196,18 @@ def make_split_generator(seed: int, split: str, *index: int) -> np.random.Genera
     return make_generator(seed, "training", 1, SPLITS[split], *index)
 
 
-def draw_recipe(seed: int, split: str, number: int) -> Recipe:
+def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> Recipe:
     """The ground of this number. Raises IcyMoonError for an unknown split."""
     check_split(split)
     random = make_split_generator(seed, split, number)
-    terrain = str(random.choice({"landform": HELD_OUT_LANDFORMS, "body": HELD_OUT_BODY}.get(split, TERRAINS)))
+    terrain = str(random.choice({"landform": HELD_OUT_LANDFORMS, "body": HELD_OUT_BODY}.get(split, variety.terrains)))
     rocks = str(random.choice(["", "rocks/sparse", "rocks/golombek_10", "rocks/golombek_20"]))
     place = random.uniform(-4.0, 4.0, 2)
     shapes = int(random.integers(0, _MOST_SHAPES)) if random.random() < 0.55 else 0
     name, law, albedo = _draw_law(random)
+    pattern = draw_pattern(random)
+    if not variety.has_patterns:
+        pattern = replace(pattern, albedo=np.zeros_like(pattern.albedo))
     return Recipe(
         seed,
         split,
@@ -201,7 +219,7 @@ def draw_recipe(seed: int, split: str, number: int) -> Recipe:
         name,
         law,
         albedo,
-        draw_pattern(random),
+        pattern,
     )
 
 
@@ -334,12 +352,14 @@ def close_ground(ground: Ground) -> None:
     ground.tracer.close()
 
 
-def draw_sun_elevation_deg(split: str, random: np.random.Generator) -> float:
+def draw_sun_elevation_deg(split: str, random: np.random.Generator, suns_deg: tuple[float, float] = SUN_DEG) -> float:
     """Elevation of the Sun in degrees, evenly in its logarithm: inside the held-out range for the split "sun", else
-    outside it."""
-    low, high = np.log(SUN_DEG)
+    outside it. ``suns_deg`` that are narrower include no part of that range."""
+    low, high = np.log(suns_deg)
     start, end = np.log(HELD_OUT_SUN_DEG)
     if split == "sun":
         return float(np.exp(random.uniform(start, end)))
+    if suns_deg[0] >= HELD_OUT_SUN_DEG[1]:
+        return float(np.exp(random.uniform(low, high)))
     drawn = random.uniform(low, high - (end - start))
     return float(np.exp(drawn + (end - start if drawn > start else 0.0)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,9 @@ from ...support.errors import IcyMoonError
 from ..images.develop import to_8_bit
 from . import CROP_PX
 from .grounds import (
+    FULL,
     Ground,
+    Variety,
     build_ground,
     check_split,
     close_ground,
@@ -54,6 +57,8 @@ _SQUARE_PX, _BOUNCES_PER_SQUARE = 8, 8
 #: Standard deviation of the pixel's filter in pixels, close to the Blackman-Harris window of Cycles.
 _FILTER_PX = 0.33
 _NEAR_M, _FAR_M = 1e-3, 1e4
+#: A sensor without noise: so many electrons that their number does not vary.
+_NO_NOISE = {"read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "row_noise_e": 0.0, "full_well_e": 1e7}
 #: Irradiance by the Sun in W/m² and its angular radius, of Enceladus and Europa.
 _SUNS = ((14.82, 0.0556), (50.26, 0.1024))
 #: Electrons per second per W/(m² sr); the exposure follows the light, so that any value gives the same images.
@@ -91,6 +96,7 @@ class MadePairs:
     split: str = "train"
     seed: int = 0
     crop_px: tuple[int, int] = CROP_PX
+    variety: Variety = FULL
 
     def __post_init__(self) -> None:
         check_split(self.split)
@@ -102,7 +108,8 @@ class MadePairs:
     @property
     def name(self) -> str:
         """A name for files, which differs where the samples differ."""
-        return f"{self.split}-{self.seed}"
+        narrowed = "" if self.variety == FULL else f"-{sha256(repr(self.variety).encode()).hexdigest()[:8]}"
+        return f"{self.split}-{self.seed}{narrowed}"
 
     def iterate(self, first_ground: int = 0, step: int = 1) -> Iterator[dict[str, Any]]:
         """Samples without end, ground by ground: ``first_ground``, then every ``step``-th after it."""
@@ -113,7 +120,7 @@ class MadePairs:
 
     def list_ground(self, number: int) -> Iterator[dict[str, Any]]:
         """The samples of one ground, as arrays; see ``make_sample``."""
-        ground = build_ground(draw_recipe(self.seed, self.split, number))
+        ground = build_ground(draw_recipe(self.seed, self.split, number, self.variety))
         try:
             for each in range(CROPS_PER_GROUND):
                 yield self.make_sample(ground, number * CROPS_PER_GROUND + each)
@@ -126,7 +133,7 @@ class MadePairs:
         and ``occluded`` bool (H, W), the numbers ``focal_px``, ``baseline_m``, ``cx_px`` and ``cy_px``, and the texts
         ``pair`` and ``scene``."""
         random = make_split_generator(self.seed, self.split, number // CROPS_PER_GROUND, 3, number)
-        view = draw_view(ground, self.split, self.crop_px, random)
+        view = draw_view(ground, self.split, self.crop_px, random, self.variety)
         depth, hidden = _trace_truth(ground, view)
         with np.errstate(divide="ignore"):
             disparity = view.left.focal_px * view.baseline_m / depth
@@ -134,7 +141,7 @@ class MadePairs:
         outside = column - disparity < 0
         rays = 2 if random.random() < _SHARE_OF_TWO_RAYS else 1
         light = [render_eye(ground, view.light, eye, rays, random) for eye in (view.left, view.right_imaged)]
-        images = _develop(light, view.faults, random)
+        images = _develop(light, view.faults, random, self.variety.has_noise)
         return {
             "left": images[0][None],
             "right": images[1][None],
@@ -165,7 +172,9 @@ def _trace_truth(ground: Ground, view: View) -> tuple[Array, Array]:
     return depth.reshape(shape), hidden.reshape(shape)
 
 
-def draw_view(ground: Ground, split: str, crop_px: tuple[int, int], random: np.random.Generator) -> View:
+def draw_view(
+    ground: Ground, split: str, crop_px: tuple[int, int], random: np.random.Generator, variety: Variety = FULL
+) -> View:
     """Cameras and light of a sample. The baseline follows from the greatest disparity, which is drawn."""
     columns, rows = crop_px
     focal = columns * float(np.exp(random.uniform(np.log(0.7), np.log(3.5))))
@@ -184,7 +193,7 @@ def draw_view(ground: Ground, split: str, crop_px: tuple[int, int], random: np.r
     faults = _draw_faults(focal, random)
     turned = axes @ rotations.from_vector(faults.turn_rad)
     imaged = Eye(columns, rows, focal, left.cx_px, left.cy_px + faults.shift_px, turned, right.position)
-    return View(left, right, imaged, baseline, _draw_light(split, random), faults)
+    return View(left, right, imaged, baseline, _draw_light(split, random, variety), faults)
 
 
 def _measure_depths(ground: Ground, eye: Eye) -> Array:
@@ -203,9 +212,9 @@ def _draw_faults(focal_px: float, random: np.random.Generator) -> Faults:
     return Faults(turn, float(random.normal(0, 0.25)) * crooked, gain)
 
 
-def _draw_light(split: str, random: np.random.Generator) -> Lighting:
+def _draw_light(split: str, random: np.random.Generator, variety: Variety) -> Lighting:
     irradiance, diameter_deg = _SUNS[int(random.integers(len(_SUNS)))]
-    elevation, azimuth = draw_sun_elevation_deg(split, random), float(random.uniform(0, 360))
+    elevation, azimuth = draw_sun_elevation_deg(split, random, variety.suns_deg), float(random.uniform(0, 360))
     sky = float(random.uniform(0, 0.02)) if random.random() < 0.7 else float(random.uniform(0.02, 0.3))
     return Lighting(
         direction_toward(azimuth, elevation),
@@ -292,11 +301,13 @@ def draw_sensor(random: np.random.Generator) -> SensorSettings:
     return merged(defaults(), {"sensor": sensor}).sensor
 
 
-def _develop(light: list[Array], faults: Faults, random: np.random.Generator) -> list[Array]:
+def _develop(light: list[Array], faults: Faults, random: np.random.Generator, has_noise: bool = True) -> list[Array]:
     """Both images, float32 (H, W) from 0 to 1 in steps of 1/255, of their radiances (H, W) by a drawn sensor."""
     sensor = draw_sensor(random)
     noise = float(random.uniform(0, 0.04)) * (random.random() < 0.5)
     strays = float(np.exp(random.uniform(np.log(1e-5), np.log(3e-3)))) * (random.random() < 0.5)
+    if not has_noise:
+        sensor, noise, strays = merged(defaults(), {"sensor": {**dict(sensor), **_NO_NOISE}}).sensor, 0.0, 0.0
     blur_differs = 0.4 * float(random.random() < 0.25)
     power = float(np.exp(random.normal(0, 0.2)))
     seconds = choose_exposure_s(light[0], _RATE, sensor)

@@ -51,14 +51,14 @@ class Plan:
     ``steps_per_ground`` steps; ``window`` grounds are in use at a time. A step's search range is one of ``ranges_px``;
     points beyond it count nothing."""
 
-    steps: int = 8000
-    batch: int = 8
+    steps: int
+    batch: int
     crop_px: tuple[int, int] = (192, 128)
     pair_px: tuple[int, int] = (256, 192)
     ranges_px: tuple[int, ...] = (48, 48, 64, 64, 96, 128)
     rate: float = 1e-3
     warm_up: int = 100
-    steps_per_ground: int = 25
+    steps_per_ground: int = 15
     window: int = 60
     seed: int = 0
 

@@ -1,11 +1,13 @@
-"""icynet, a small network that `python -m icymoon.stereo train` trains on made pairs; see ``networks.icynet``.
+"""icynet, a small network whose weights come with Icy Moon, trained on pairs made by rays; see ``networks.icynet``.
 
-It takes grey images of any size and searches the pair's own range. Weights are a file of safetensors, for PyTorch, or
-ONNX, for ONNX Runtime; both give the same numbers.
+It takes grey images of any size and searches the pair's own range. It runs in PyTorch, or else in ONNX Runtime; both
+give the same numbers to 1e-4 px. Your own weights, of `python -m icymoon.stereo train`, are a file of safetensors, for
+PyTorch, or ONNX, for ONNX Runtime.
 """
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -25,11 +27,16 @@ if TYPE_CHECKING:
     from torch import nn
 
 TITLE = "icynet"
-NEEDS = "trained weights, and PyTorch or, for weights.onnx, ONNX Runtime"
+NEEDS = "PyTorch or ONNX Runtime"
 SET_UP = (6, "checkpoint", "icynet", "The network icynet with weights that you have trained")
 
-OPTIONS = network_matchers.OPTIONS
+OPTIONS = {
+    **network_matchers.OPTIONS,
+    "checkpoint": {"default": "", "doc": "File with weights that you have trained; by default those of Icy Moon"},
+}
 
+#: Weights that come with Icy Moon: of the same training, for PyTorch and for ONNX Runtime.
+SHIPPED = {kind: Path(__file__).parents[1] / "networks" / f"icynet_weights.{kind}" for kind in ("safetensors", "onnx")}
 
 #: Seconds that its ONNX file may take for a small image, as any network's by default: a file may loop without end.
 _TIMEOUT_S = 60.0
@@ -46,14 +53,14 @@ NETWORK = network_matchers.Network(
     "weights.safetensors",
     "",
     _build_network,
-    "train it (python -m icymoon.stereo train --out FOLDER) and copy weights.safetensors there",
+    "train it (python -m icymoon.stereo train --out FOLDER) and name its weights.safetensors",
     128,  # no weight depends on the search range, which ``match`` sets
-    ".safetensors",
 )
 
 
 def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
+    options = _name_weights(options)
     if not _is_onnx(options):
         network_matchers.check(NETWORK, options)
         return
@@ -65,7 +72,16 @@ def check(options: Mapping[str, Any]) -> None:
 
 def load(options: Mapping[str, Any]) -> None:
     """Read the weights once for all runs with the same options."""
+    options = _name_weights(options)
     _load_session(options) if _is_onnx(options) else network_matchers.load(NETWORK, options)
+
+
+def _name_weights(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The options with the shipped weights of the library that is there, unless they name a file."""
+    if options["checkpoint"]:
+        return options
+    has_torch = all(importlib.util.find_spec(name) for name in ("torch", "safetensors"))
+    return {**options, "checkpoint": str(SHIPPED["safetensors" if has_torch else "onnx"])}
 
 
 #: What the third value that ``match`` returns states, see ``result``.
@@ -79,8 +95,9 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
     place = np.clip(np.arange(width) - context.least_px, 0, width - 1)
     margins = (0, -height % MULTIPLE), (0, -width % MULTIPLE)
     eyes = [np.pad(image / np.float32(255), margins, mode="edge")[None, None] for image in (left, right[:, place])]
-    run = _run_onnx if _is_onnx(context.options) else _run_torch
-    found, facts = run(context.options, eyes, context.most_px - context.least_px + 1)
+    options = _name_weights(context.options)
+    run = _run_onnx if _is_onnx(options) else _run_torch
+    found, facts = run(options, eyes, context.most_px - context.least_px + 1)
     disparity, logit = (each[0, :height, :width] for each in found)
     return disparity + np.float32(context.least_px), facts, logit
 

@@ -8,12 +8,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ...settings.description import defaults
 from ...settings.topics.trust_boundary import OWN_NAME, OWN_PREFIX, split_lidar, split_methods, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
 from .lidar_options import LIDAR, RETURNS, complete_lidar_options
 
+#: The matcher that stands beside the default ones where its library is.
+_LEARNED = "icynet"
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
 _SLASHES = "/\\"
@@ -52,6 +55,17 @@ class StatedMethod:
         options = {} if self.name == LIDAR else check_options(self.name, self.options)
         lidar = None if self.lidar is None else complete_lidar_options(self.name, self.lidar)
         return Method(self.label, self.name, options, lidar)
+
+
+def list_default_methods() -> str:
+    """The methods that are compared if the user names none: those of the setting, and ``icynet`` where PyTorch or ONNX
+    Runtime is."""
+    named = str(defaults().dataset.methods)
+    try:
+        check_options(_LEARNED, {})
+    except IcyMoonError:
+        return named
+    return f"{named},{_LEARNED}"
 
 
 def parse_key_value(text: str, where: str) -> tuple[str, str]:

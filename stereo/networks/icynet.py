@@ -98,15 +98,17 @@ class _Hourglass(nn.Module):
         self.enter = _Volume(groups, 12)
         self.down = nn.ModuleList([_Volume(24, 24, 2), _Volume(48, 48, 2)])
         self.keep = nn.ModuleList([_Volume(24, 24), _Volume(48, 48)])
-        self.up = nn.ModuleList([_Volume(48 + 24, 24), _Volume(24 + 12, 12)])
+        # Narrowed before it is doubled, and added: a convolution of both side by side costs three times as much.
+        self.narrow = nn.ModuleList([_Volume(48, 24), _Volume(24, 12)])
+        self.up = nn.ModuleList([_Volume(24, 24), _Volume(12, 12)])
         self.leave = nn.Conv2d(12, 1, 3, padding=1)
 
     def forward(self, correlation: Tensor) -> Tensor:
         whole = self.enter(correlation)
         half = self.keep[0](self.down[0](_halve_levels(whole)))
         quarter = self.keep[1](self.down[1](_halve_levels(half)))
-        half = self.up[0](torch.cat([_double(quarter), half], 2))
-        whole = self.up[1](torch.cat([_double(half), whole], 2))
+        half = self.up[0](_double(self.narrow[0](quarter)) + half)
+        whole = self.up[1](_double(self.narrow[1](half)) + whole)
         return self.leave(whole.flatten(0, 1)).view(correlation.shape[0], -1, *correlation.shape[-2:])
 
 

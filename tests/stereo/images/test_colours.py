@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from icymoon.stereo.images import colours
 from icymoon.stereo.images.colours import (
     CONFIDENCE_SCALE,
     ERROR_SCALE,
@@ -17,6 +18,7 @@ from icymoon.stereo.images.colours import (
     draw_outcomes,
 )
 from icymoon.stereo.images.lettering import draw_text, measure_text_width_px, put_text
+from icymoon.stereo.twin.compare_twin import DISPARITY_TITLE
 
 
 def test_a_confidence_has_the_colour_of_its_expected_error():
@@ -90,3 +92,12 @@ def test_both_ends_of_a_scale_are_labelled_and_no_label_is_close_to_them(low, hi
     assert (labels[0][0], labels[-1][0]) == (0.0, 1.0)
     assert [float(labels[k][1]) for k in (0, -1)] == pytest.approx([low, high], rel=5e-3)
     assert all(0.09 < share < 0.91 for share, _ in labels[1:-1])
+
+
+def test_every_character_of_a_scale_has_strokes():
+    """A character without any is drawn as a space, as the E of "Expected error" was."""
+    titles = [each.title for each in vars(colours).values() if isinstance(each, colours.Scale)]
+    assert len(titles) >= 2
+    for title in [*titles, colours.Scale.title, DISPARITY_TITLE]:
+        for character in set(title) - {" "}:
+            assert draw_text(character, 8.0).any(), f"{character} of {title}"

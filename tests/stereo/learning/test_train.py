@@ -168,7 +168,7 @@ def test_the_matcher_without_weights_names_the_command(tmp_path):
 
 
 def test_grounds_come_one_after_the_other():
-    plan = Plan(steps_per_ground=10, window=3)
+    plan = Plan(steps=1000, batch=1, steps_per_ground=10, window=3)
     assert [list(plan.list_grounds(step)) for step in (0, 9, 10, 45)] == [[0], [0], [0, 1], [2, 3, 4]]
     assert plan.find_rate(0) < plan.find_rate(plan.warm_up) > plan.find_rate(plan.steps - 1) > 0
 
