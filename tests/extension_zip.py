@@ -20,6 +20,7 @@ NEEDED = (
     "LICENSE",
     "stereo/report/report.html.j2",
     "stereo/environment/evaluator.lock",
+    "stereo/networks/icynet_weights.onnx",
     "presets/scenes/europa_rough_ice.toml",
 )
 
@@ -52,6 +53,8 @@ def shipped() -> set[str]:
         "stereo/*/*.css",
         "stereo/*/*.toml",
         "stereo/*/*.lock",
+        "stereo/*/*.safetensors",
+        "stereo/*/*.onnx",
         "nodes/*/*.osl",
         "physics/*/*.json",
         "physics/*/*.csv",

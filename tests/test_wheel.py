@@ -49,6 +49,7 @@ def test_it_holds_every_file_of_the_extension_and_no_test(wheel):
         path.relative_to(ROOT).as_posix()
         for path in ROOT.rglob("*")
         if path.suffix in (".py", ".osl", ".toml", ".json", ".csv", ".j2", ".js", ".css", ".lock", ".jpg")
+        or path.suffix in (".safetensors", ".onnx")
         or path.match("plugins/*.txt")
     }
     ours = {
