@@ -57,7 +57,7 @@ _SQUARE_PX, _BOUNCES_PER_SQUARE = 8, 8
 #: Standard deviation of the pixel's filter in pixels, close to the Blackman-Harris window of Cycles.
 _FILTER_PX = 0.33
 _NEAR_M, _FAR_M = 1e-3, 1e4
-#: A sensor without noise: so many electrons that their number does not vary.
+#: A sensor without noise: its electrons are too many to vary.
 _NO_NOISE = {"read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "row_noise_e": 0.0, "full_well_e": 1e7}
 #: Irradiance by the Sun in W/m² and its angular radius, of Enceladus and Europa.
 _SUNS = ((14.82, 0.0556), (50.26, 0.1024))

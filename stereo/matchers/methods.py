@@ -58,7 +58,7 @@ class StatedMethod:
 
 
 def list_default_methods() -> str:
-    """The methods that are compared if the user names none: those of the setting, and ``icynet`` where PyTorch or ONNX
+    """The methods that are compared if the user names none: the setting's, and ``icynet`` where PyTorch or ONNX
     Runtime is."""
     named = str(defaults().dataset.methods)
     try:

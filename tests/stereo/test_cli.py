@@ -189,6 +189,8 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
         "sys.modules['bpy'] = None",
         "evaluate",
         inputs / "set",
+        "--methods",
+        "bm,sgbm",  # by default icynet, too, where PyTorch is
         "--out",
         tmp_path / "out",
         "--json-lines",
