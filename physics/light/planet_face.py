@@ -57,7 +57,7 @@ class Limb:
     exponents: tuple[tuple[float, float, float], ...]  # of each angle in R, G, B
 
     def exponents_at(self, phase_deg: float) -> tuple[float, float, float]:
-        """The exponents in R, G, B, interpolated; beyond the ends they are those of the ends."""
+        """The exponents in R, G, B, interpolated; beyond the ends they stay the same."""
         r, g, b = (float(np.interp(phase_deg, self.phase_deg, band)) for band in np.transpose(self.exponents))
         return r, g, b
 
