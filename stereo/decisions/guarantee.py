@@ -161,7 +161,7 @@ def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
 
 
 def _make_error_sentences(methods: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The checks of the heights' standard deviations; those of slope and roughness are in ``decisions.json``."""
+    """The checks of the heights' standard deviations; ``decisions.json`` has the checks of slope and roughness, too."""
     found = []
     for entry in methods:
         stated = entry["errors"]["height"]

@@ -18,6 +18,7 @@ from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
 from icymoon.stereo.decisions import calibration, workspace
 from icymoon.stereo.decisions.calibrated_run import CalibrationOrder
+from icymoon.stereo.decisions.height_errors import QUANTITIES
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb_pose
 from icymoon.stereo.fusion import fuse
@@ -232,6 +233,8 @@ def test_wrong_options_of_calibrations_are_sentences_and_write_nothing(tmp_path,
 def test_a_calibration_guarantees_sites_of_other_grounds(dataset, tmp_path, monkeypatch):
     """By the true depth, whose choices are safe, on two grounds: the fewest for half of the risk on average."""
     monkeypatch.setattr(calibration, "MOST_UNLIKE_P", 0.4)
+    # The true depth errs by nothing or, at the rock, beyond all ratios, so that no scale follows from these grounds.
+    monkeypatch.setattr(calibration, "fit_scales", lambda grounds: dict.fromkeys(QUANTITIES, 2.0))
     for k, folder in enumerate((dataset / "pairs" / "a", dataset / "pairs" / "b", workspaces.write(tmp_path / "new"))):
         data = json.loads((folder / "pair.json").read_text())
         data["settings"]["dataset"]["seed"] = k + 1
