@@ -21,7 +21,9 @@ import numpy as np
 from icymoon.render.plans.frozen_plan import read_frozen_plan
 from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.ground_errors import read_depth_errors
+from icymoon.stereo.images.disparity_files import read_disparity
 from icymoon.stereo.measure.confidence_metrics import CONFIDENCE_METRICS
+from icymoon.stereo.measure.metrics import find_wrong_share, is_usable
 from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
@@ -41,36 +43,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sheet", type=Path, help="picture of one scene of each class, to write")
 
 
-def read_errors_px(pair: Path, folder: Path, method: str) -> tuple[Array, Array]:
-    """Disparity errors (n,) of the pixels with a true depth, NaN where nothing is measured, and these pixels (H, W)."""
-    found = read_depth_errors(pair, folder / f"{method}.npz")
-    known = np.isfinite(found.truth)
-    scale = found.camera.focal_baseline_px_m
-    truth = found.truth[known]
-    return np.abs(scale / (truth + found.error_m[known]) - scale / truth), known
-
-
-def fill_holes(pair: Path, folder: Path) -> Array:
-    """Errors (n,) as of ``read_errors_px`` of SGBM's disparities with filled holes."""
-    found = read_depth_errors(pair, folder / f"{PLAIN}.npz")
-    scale = found.camera.focal_baseline_px_m
-    with np.load(folder / f"{PLAIN}.npz") as stored:
-        disparity = stored["disparity"].astype(np.float32)
-    holes = ~(np.isfinite(disparity) & (disparity > 0))
-    filled = cv2.inpaint(
-        np.where(holes, np.float32(0), disparity), holes.astype(np.uint8), _FILL_RADIUS_PX, cv2.INPAINT_NS
-    )
-    known = np.isfinite(found.truth)
-    return np.asarray(np.abs(filled[known] - scale / found.truth[known]))
+def fill_holes(disparity: Array) -> Array:
+    """A disparity (H, W), px, NaN where nothing is measured, with its holes filled smoothly."""
+    holes = np.isnan(disparity)
+    known = np.where(holes, np.float32(0), disparity)
+    return np.asarray(cv2.inpaint(known, holes.astype(np.uint8), _FILL_RADIUS_PX, cv2.INPAINT_NS))
 
 
 def measure_scene(pair: Path, folder: Path, methods: list[str]) -> dict[str, tuple[float, float]]:
     """The shares that are wrong or missing, and wrong on SGBM's pixels, by the matcher."""
-    errors = {method: read_errors_px(pair, folder, method)[0] for method in methods}
-    errors[FILLED] = fill_holes(pair, folder)
-    common = np.isfinite(errors[PLAIN])
-    wrong = {method: ~(each <= 1.0) for method, each in errors.items()}
-    return {method: (float(each.mean()), float(each[common].mean())) for method, each in wrong.items()}
+    seen = read_depth_errors(pair, folder / f"{PLAIN}.npz")
+    truth = seen.camera.focal_baseline_px_m / seen.truth
+    disparities = {}
+    for method in methods:
+        found = read_disparity(folder / f"{method}.npz", truth.shape)
+        assert found is not None, f"the disparity of {method} in {folder} is damaged"
+        disparities[method] = np.where(is_usable(found), found, np.float32(np.nan))
+    disparities[FILLED] = fill_holes(disparities[PLAIN])
+    known = np.isfinite(truth)
+    common = known & np.isfinite(disparities[PLAIN])
+    return {
+        method: (find_wrong_share(each, truth, known), find_wrong_share(each, truth, common))
+        for method, each in disparities.items()
+    }
 
 
 def bound_ratio(one: Array, other: Array) -> tuple[float, float, float]:

@@ -27,6 +27,7 @@ from icymoon.stereo.learning.grounds import FULL, Variety
 from icymoon.stereo.learning.made_pairs import MadePairs
 from icymoon.stereo.learning.train import WEIGHTS_FILE, CachedGrounds, Plan, Run
 from icymoon.stereo.matchers import match
+from icymoon.stereo.measure.metrics import find_wrong_share
 from icymoon.support.arrays import Array
 from icymoon.support.files import write_text
 
@@ -70,12 +71,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pairs", type=Path, help="data set by Cycles that is a test too")
 
 
-def find_wrong_share(weights: Path, left: Array, right: Array, truth: Array) -> float:
+def measure_wrong_share(weights: Path, left: Array, right: Array, truth: Array) -> float:
     """The share of the pixels with a true disparity (H, W), px, that icynet gets wrong by more than 1 px."""
     known = np.isfinite(truth) & (truth > 0)
     reach = 16 * int(np.ceil((truth[known].max() + 1) / 16))
     found, _, _ = match("icynet", left, right, {"checkpoint": str(weights), "disparities": reach, "min_disparity": 0})
-    return float(np.mean(~(np.abs(found[known] - truth[known]) <= 1)))
+    return find_wrong_share(found, truth, known)
 
 
 def list_made_tests(split: str) -> list[tuple[Array, Array, Array]]:
@@ -102,7 +103,9 @@ def test_weights(weights: Path, dataset: Path | None) -> dict[str, float]:
     tests: dict[str, list[Any]] = {split: list_made_tests(split) for split in _SPLITS}
     if dataset is not None:
         tests[_CYCLES] = list_rendered_tests(dataset)
-    return {name: float(np.mean([find_wrong_share(weights, *each) for each in pairs])) for name, pairs in tests.items()}
+    return {
+        name: float(np.mean([measure_wrong_share(weights, *each) for each in pairs])) for name, pairs in tests.items()
+    }
 
 
 def train_and_test(training: Training, steps: int, out: Path, dataset: Path | None) -> dict[str, float]:
