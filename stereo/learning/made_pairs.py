@@ -6,7 +6,7 @@ A sample depends on the seed, the split and its number alone, not on the process
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
@@ -301,13 +301,17 @@ def draw_sensor(random: np.random.Generator) -> SensorSettings:
     return merged(defaults(), {"sensor": sensor}).sensor
 
 
+def _change_sensor(sensor: SensorSettings, values: Mapping[str, Any]) -> SensorSettings:
+    return merged(defaults(), {"sensor": {**dict(sensor), **values}}).sensor
+
+
 def _develop(light: list[Array], faults: Faults, random: np.random.Generator, has_noise: bool = True) -> list[Array]:
     """Both images, float32 (H, W) from 0 to 1 in steps of 1/255, of their radiances (H, W) by a drawn sensor."""
     sensor = draw_sensor(random)
     noise = float(random.uniform(0, 0.04)) * (random.random() < 0.5)
     strays = float(np.exp(random.uniform(np.log(1e-5), np.log(3e-3)))) * (random.random() < 0.5)
     if not has_noise:
-        sensor, noise, strays = merged(defaults(), {"sensor": {**dict(sensor), **_NO_NOISE}}).sensor, 0.0, 0.0
+        sensor, noise, strays = _change_sensor(sensor, _NO_NOISE), 0.0, 0.0
     blur_differs = 0.4 * float(random.random() < 0.25)
     power = float(np.exp(random.normal(0, 0.2)))
     seconds = choose_exposure_s(light[0], _RATE, sensor)
@@ -316,9 +320,7 @@ def _develop(light: list[Array], faults: Faults, random: np.random.Generator, ha
         seen = _add_strays(radiance * (1.0 + noise * random.standard_normal(radiance.shape)), strays, random)
         own = sensor
         if eye:
-            own = merged(
-                defaults(), {"sensor": {**dict(sensor), "psf_sigma_px": sensor.psf_sigma_px + blur_differs}}
-            ).sensor
+            own = _change_sensor(sensor, {"psf_sigma_px": sensor.psf_sigma_px + blur_differs})
         seen = apply_point_spread(seen, own) * (faults.gain if eye else 1.0)
         pattern = draw_pattern(int(random.integers(2**31 - 1)), name, (seen.shape[0], seen.shape[1]), sensor)
         charge = collect_electrons(seen, seconds, _RATE, sensor, random, pattern)

@@ -54,7 +54,6 @@ class Network:
     build: Callable[[int], nn.Module]  # from the largest disparity
     advice: str = ""  # how to get parameters that no source gives
     most_px: int = 0  # the largest disparity that it is built with, if no option states one
-    suffix: str = ".pth"  # of its checkpoint in the folder of all
 
     @property
     def remedy(self) -> str:
@@ -78,7 +77,7 @@ def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
-    return Path(folder) / f"{network.method}{network.suffix}"
+    return Path(folder) / f"{network.method}.pth"
 
 
 def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
