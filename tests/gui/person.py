@@ -164,7 +164,8 @@ def over_setting(path: str, of: str = "") -> bool:
             return False
         manager().clipboard = ""
         bpy.ops.ui.copy_data_path_button()
-    return f".{of}" in manager().clipboard and manager().clipboard.endswith(path)
+    found = manager().clipboard  # of the scene's settings with a dot, of the window manager's field without one
+    return found.endswith(path) and (not of or f".{of}" in found)
 
 
 def _look(
