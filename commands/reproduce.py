@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="MATCHER.KEY=VALUE",
-        help="option of bm, jplv, dsmnet or igev, as in igev.checkpoint=FILE; may repeat",
+        help="option of bm, jplv, dsmnet, igev or icynet, as in igev.checkpoint=FILE; may repeat",
     )
     add_worker_options(parser)
     parser.set_defaults(run=_run_reproduce)

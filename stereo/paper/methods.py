@@ -1,4 +1,4 @@
-"""The four matchers of the GUISS paper with its options, and the reasons why some matchers cannot run here."""
+"""The four matchers of the GUISS paper with its options, icynet, and the reasons why some matchers cannot run here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from ..matchers.bm import PRESETS
 from ..matchers.methods import Method, parse_methods
-from .printed import PRINTED_METHODS
+from .printed import TABLE_METHODS
 
 #: Step of StereoBM's number of disparities, px, and its least window.
 _DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
@@ -23,10 +23,10 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
     ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run
     although it has one.
     """
-    names = [printed.matcher for printed in PRINTED_METHODS]
+    names = [method.matcher for method in TABLE_METHODS]
     for text in options:
         if (name := text.partition(".")[0]) not in names:
-            raise IcyMoonError(f"--option {text}: the paper has no matcher {name!r}, {suggest_nearest(name, names)}")
+            raise IcyMoonError(f"--option {text}: the tables have no matcher {name!r}, {suggest_nearest(name, names)}")
     found: list[Method] = []
     missing: dict[str, str] = {}
     for name in names:
@@ -45,9 +45,9 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
 def _describe_matcher(name: str, scale: float) -> str:
     """A matcher with the paper's options, as ``--methods`` takes it.
 
-    The paper does not print JPLV's options, so JPLV has ours.
+    The paper does not print JPLV's options, so JPLV has ours; icynet is not in the paper.
     """
-    if name == "jplv" or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
+    if name in ("jplv", "icynet") or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
         return name
     if scale == 1 or name == "igev":
         return f"{name}:preset=guiss"

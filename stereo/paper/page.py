@@ -13,7 +13,7 @@ from ..report.page_templates import read_template
 from . import PAPER_PAGE
 from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
 from .paper_datasets import Part
-from .printed import PRINTED_METHODS
+from .printed import TABLE_METHODS
 from .results import PaperResults, measure_rendering_seconds
 from .tables import (
     RUNTIME_COLUMNS,
@@ -60,7 +60,7 @@ def write_paper(
     rendering = measure_rendering_seconds(out / parts["data"].folder, parts["data"].pairs)
     runtimes = make_runtime_rows(data, rendering)
     size = describe_size(data, scale, planned)
-    lacking = [f"{method.title}: {missing[method.matcher]}" for method in PRINTED_METHODS if method.matcher in missing]
+    lacking = [f"{method.title}: {missing[method.matcher]}" for method in TABLE_METHODS if method.matcher in missing]
     write_text(out / "results.csv", make_results_csv(results))
     write_text(out / "runtimes.csv", make_runtimes_csv(runtimes))
     caption = f"Results printed in the GUISS paper and measured here. {size}"

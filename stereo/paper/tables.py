@@ -10,7 +10,7 @@ from typing import Any
 
 from ...support.number_text import format_count
 from ..report.table_columns import GUISS_COLUMNS, TOTAL_COLUMNS, Column, format_interval, format_number
-from .printed import PAIRS_BY_GROUP, PRINTED_METHODS, PRINTED_METRICS, RENDERING_S
+from .printed import PAIRS_BY_GROUP, PRINTED_METRICS, RENDERING_S, TABLE_METHODS, PrintedMethod
 from .results import PaperResults
 
 #: The text of a table cell without a number.
@@ -59,9 +59,10 @@ def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRo
     """
     found = []
     for group in PAIRS_BY_GROUP:
-        for method in PRINTED_METHODS:
+        for method in TABLE_METHODS:
             summary = measured.summary(method.matcher, group)
-            numbers: dict[str, tuple[float | None, ...]] = {"printed": method.results[group]}
+            printed = method.results[group] if isinstance(method, PrintedMethod) else (None,) * len(PRINTED_METRICS)
+            numbers: dict[str, tuple[float | None, ...]] = {"printed": printed}
             for k, name in enumerate(("theirs", "ours")):
                 known = summary is not None and (name == "ours" or with_theirs)
                 numbers[name] = tuple(
@@ -99,24 +100,24 @@ def _round_as_printed(column: Column) -> Column:
 def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
     """The table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see ``rendering_seconds``."""
     rows = []
-    for method in PRINTED_METHODS:
+    for method in TABLE_METHODS:
+        printed = (f"{method.seconds:g}", method.machine) if isinstance(method, PrintedMethod) else (NO_NUMBER,) * 2
         summary = measured.summary(method.matcher, "All")
         took = [summary[key] if summary else None for key in ("seconds", "wall_seconds")]
         rows.append(
             (
                 method.title,
-                f"{method.seconds:g}",
-                method.machine,
+                *printed,
                 *(NO_NUMBER if each is None else f"{each:.3g}" for each in took),
                 format_count(summary["pairs"], "pair") if summary else NO_NUMBER,
             )
         )
-    for group, printed in RENDERING_S.items():
+    for group, seconds in RENDERING_S.items():
         found = rendering.get(group)
         rows.append(
             (
                 f"Rendering, {group.lower()}",
-                f"about {printed:g}",
+                f"about {seconds:g}",
                 "i7 laptop",
                 f"{found[0]:.3g}" if found else NO_NUMBER,
                 NO_NUMBER,

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import pytest
 from icymoon.stereo.matchers import complete_options
 from icymoon.stereo.paper.methods import find_methods
 from icymoon.support.errors import IcyMoonError
+
+#: icynet, where one of its two libraries is.
+OWN = ["icynet"] if any(map(find_spec, ("torch", "onnxruntime"))) else []
 
 
 @pytest.fixture(autouse=True)
@@ -15,10 +20,11 @@ def _no_checkpoints(monkeypatch, tmp_path):
 
 def test_at_the_papers_size_it_is_the_papers_stereobm():
     methods, missing = find_methods(1.0, [])
-    assert [method.label for method in methods] == ["bm", "jplv"]
+    assert [method.label for method in methods] == ["bm", "jplv", *OWN]
     assert methods[0].options == complete_options("bm", {"preset": "guiss"})
-    assert set(missing) == {"dsmnet", "igev"}
-    assert all("no checkpoint" in why and why.endswith(".") for why in missing.values())
+    assert {"dsmnet", "igev"} <= set(missing) <= {"dsmnet", "igev", "icynet"}
+    assert all("no checkpoint" in missing[name] for name in ("dsmnet", "igev"))
+    assert all(why.endswith(".") for why in missing.values())
 
 
 def test_window_and_range_follow_the_size():
@@ -46,7 +52,7 @@ def test_a_network_with_a_checkpoint_runs_as_in_the_paper(tmp_path):
     for name in ("igev", "dsmnet"):
         (tmp_path / f"{name}.pth").write_bytes(b"")
     methods, missing = find_methods(1.0, [])
-    assert [method.label for method in methods] == ["bm", "jplv", "dsmnet", "igev"]
+    assert [method.label for method in methods] == ["bm", "jplv", "dsmnet", "igev", "icynet"]
     assert not missing
     assert complete_options("igev", methods[3].options)["iterations"] == 256
     assert complete_options("dsmnet", methods[2].options)["crop_height"] == 384

@@ -17,7 +17,7 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import compute_depth_metrics
 from icymoon.stereo.paper.page import describe_size, write_paper
 from icymoon.stereo.paper.paper_datasets import EVALUATIONS, SETS, Part
-from icymoon.stereo.paper.printed import PAIRS_BY_GROUP, PRINTED_METHODS, PRINTED_METRICS
+from icymoon.stereo.paper.printed import PAIRS_BY_GROUP, PRINTED_METHODS, PRINTED_METRICS, TABLE_METHODS
 from icymoon.stereo.paper.results import measure_rendering_seconds, read_measured
 from icymoon.stereo.paper.tables import (
     NO_NUMBER,
@@ -82,7 +82,7 @@ def test_the_four_metrics_are_the_papers():
 
 def test_a_group_has_the_mean_over_its_pairs(measured):
     rows = {(row.group, row.method): row for row in make_result_rows(measured, True)}
-    assert len(rows) == len(PAIRS_BY_GROUP) * len(PRINTED_METHODS)
+    assert len(rows) == len(PAIRS_BY_GROUP) * len(TABLE_METHODS)
     own = {name: measured.row(name, "bm") for name in MADE}
     for group, names in {"All": "abc", "Synthetic": "ab", "Reconstructed": "c"}.items():
         row = rows[group, "StereoBM"]
@@ -102,6 +102,14 @@ def test_what_was_not_run_is_an_empty_row_beside_the_printed_numbers(measured):
     assert (row.coverage, row.pairs) == (NO_NUMBER, 0)
 
 
+def test_a_method_that_the_paper_does_not_have_has_no_printed_numbers(measured):
+    row = next(row for row in make_result_rows(measured, True) if (row.group, row.method) == ("All", "icynet"))
+    assert row.printed == (NO_NUMBER,) * 4
+    assert row.numbers["printed"] == (None,) * 4
+    runtime = next(row for row in make_runtime_rows(measured, {}) if row[0] == "icynet")
+    assert runtime[1:3] == (NO_NUMBER,) * 2
+
+
 def test_the_numbers_of_the_papers_code_are_left_out_at_another_size(measured):
     assert {text for row in make_result_rows(measured, False) for text in row.theirs} == {NO_NUMBER}
 
@@ -109,7 +117,7 @@ def test_the_numbers_of_the_papers_code_are_left_out_at_another_size(measured):
 def test_csv_has_every_number_once_in_metres_and_shares(measured):
     rows = make_result_rows(measured, True)
     lines = list(csv.DictReader(io.StringIO(make_results_csv(rows))))
-    assert len(lines) == len(PAIRS_BY_GROUP) * len(PRINTED_METHODS) * (len(PRINTED_METRICS) + 1)
+    assert len(lines) == len(PAIRS_BY_GROUP) * len(TABLE_METHODS) * (len(PRINTED_METRICS) + 1)
     found = {(line["group"], line["method"], line["metric"]): line for line in lines}
     assert len(found) == len(lines)
     line = found["All", "JPLV", "l1_rate_10"]
@@ -172,13 +180,14 @@ def test_runtimes_are_of_the_matchers_that_ran_and_of_rendering(measured):
         "JPLV",
         "DSMNet",
         "IGEV",
+        "icynet",
         "Rendering, reconstructed",
         "Rendering, synthetic",
     ]
     assert rows[0][1:3] == ("0.02", "i7")
     assert float(rows[0][3]) == pytest.approx(np.mean([measured.row(n, "bm")["seconds"] for n in MADE]), rel=0.01)
     assert rows[2][3:] == (NO_NUMBER, NO_NUMBER, NO_NUMBER)
-    assert rows[5][3:] == ("7.5", NO_NUMBER, "3 pairs")
+    assert rows[6][3:] == ("7.5", NO_NUMBER, "3 pairs")
     assert list(csv.reader(io.StringIO(make_runtimes_csv(rows))))[3][3:] == ["", "", ""]
 
 
@@ -191,7 +200,7 @@ def test_the_page_has_tables_figures_and_why_a_network_is_missing(measured, tmp_
         tmp_path, {"data": part}, dict.fromkeys(EVALUATIONS, measured), {"igev": "igev has no <checkpoint>."}, 0.5, 3
     )
     html = page.read_text(encoding="utf-8").replace("&#39;", "'")
-    assert html.count("<tr>") + html.count("<tr class") == 2 + len(PAIRS_BY_GROUP) * (1 + len(PRINTED_METHODS)) + 7
+    assert html.count("<tr>") + html.count("<tr class") == 2 + len(PAIRS_BY_GROUP) * (1 + len(TABLE_METHODS)) + 8
     assert "IGEV: igev has no &lt;checkpoint&gt;." in html
     assert "DSMNet:" not in html
     assert html.count("<svg") >= 4
