@@ -43,7 +43,8 @@ def add_train_options(command: argparse.ArgumentParser) -> None:
         nargs="+",
         default=["made"],
         metavar="DATASET",
-        help="folders of data sets (their split train), or made, pairs made by rays; several by turns (%(default)s)",
+        help="folders of data sets (their split train), or made, pairs made by rays, or made:PRESET or made:FILE.toml, "
+        "such pairs on the ground of these settings; several by turns (%(default)s)",
     )
     command.add_argument(
         "--start",

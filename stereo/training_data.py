@@ -6,15 +6,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..settings.description import defaults, merged
+from ..settings.preset_files import load, load_preset
+from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
+from .learning.grounds import Variety
 from .learning.made_pairs import MadePairs
 from .learning.sources import GroundSource, SourcesByTurns
 from .torch_data import Dataset
 
-#: The word that names the pairs made by rays.
-MADE = "made"
-#: Crops of a pair that are taken at a time.
-_CROPS_PER_PAIR = 4
+#: The word that names the pairs made by rays; ``made:`` before a preset or a file of settings takes the ground from it.
+MADE, _MADE_OF = "made", "made:"
+#: Pairs of a group, and crops of each: as many samples as of a ground made by rays, and of more than one scene.
+_PAIRS_PER_GROUP, _CROPS_PER_PAIR = 6, 4
 
 
 class PairsOfDataSet:
@@ -25,21 +29,40 @@ class PairsOfDataSet:
         self.name = f"{folder.resolve().name}-{seed}"
 
     def list_ground(self, number: int) -> Iterator[Mapping[str, Any]]:
-        """Crops of one pair; all pairs come once before one comes again."""
-        turn, pair = divmod(number, len(self._pairs))
-        for crop in range(_CROPS_PER_PAIR):
-            self._pairs.set_epoch(_CROPS_PER_PAIR * turn + crop)
-            sample = self._pairs.arrays(pair)
-            yield {**sample, **{eye: sample[eye].mean(axis=0, keepdims=True) for eye in ("left", "right")}}
+        """Crops of some pairs; all pairs come once before one comes again."""
+        first = number * _PAIRS_PER_GROUP
+        for each in range(first, first + _PAIRS_PER_GROUP):
+            turn, pair = divmod(each, len(self._pairs))
+            for crop in range(_CROPS_PER_PAIR):
+                self._pairs.set_epoch(_CROPS_PER_PAIR * turn + crop)
+                sample = self._pairs.arrays(pair)
+                yield {**sample, **{eye: sample[eye].mean(axis=0, keepdims=True) for eye in ("left", "right")}}
 
 
 def open_sources(names: Sequence[str], crop_px: tuple[int, int], seed: int) -> GroundSource:
-    """The source of the names: ``MADE``, or folders of data sets. Raises IcyMoonError for a name that comes twice and a
-    folder without such pairs."""
+    """The source of the names: ``MADE``, ``made:`` and a preset or a file of settings, or folders of data sets. Raises
+    IcyMoonError for a name that comes twice, a folder without such pairs, and ground that rays cannot make."""
     if len(set(names)) < len(names):
         raise IcyMoonError(f"--data has {' '.join(names)}, of which one comes twice; name each once.")
-    sources = [
-        MadePairs("train", seed, crop_px) if name == MADE else PairsOfDataSet(Path(name), crop_px, seed)
-        for name in names
-    ]
+    sources = [_open_source(name, crop_px, seed) for name in names]
     return sources[0] if len(sources) == 1 else SourcesByTurns(sources)
+
+
+def _open_source(name: str, crop_px: tuple[int, int], seed: int) -> GroundSource:
+    if name == MADE:
+        return MadePairs("train", seed, crop_px)
+    if name.startswith(_MADE_OF):
+        return MadePairs("train", seed, crop_px, Variety(own=_read_ground(name.removeprefix(_MADE_OF))))
+    return PairsOfDataSet(Path(name), crop_px, seed)
+
+
+def _read_ground(name: str) -> Settings:
+    """The complete settings of a preset or a file of settings, of ground that rays can make."""
+    stated = load(Path(name)) if name.endswith(".toml") else load_preset(name)
+    settings = merged(defaults(), stated)
+    if settings.source.kind != "PROCEDURAL":
+        raise IcyMoonError(
+            f"{_MADE_OF}{name}: source.kind is {settings.source.kind}, and pairs made by rays have procedural ground "
+            "only; render pairs of it with icymoon batch, and give --data their folder."
+        )
+    return settings

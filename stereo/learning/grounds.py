@@ -66,6 +66,8 @@ SUN_DEG = (3.0, 65.0)
 #: and Suns of the last three.
 SPLITS = {"train": 0, "ground": 1, "landform": 2, "body": 3, "sun": 4}
 
+#: The terrain of grounds by settings of the user's.
+OWN = "own"
 #: Label of ground, of rocks, and of shapes that no ice has.
 GROUND, ROCK, OTHER_SHAPE = 1, 2, 3
 #: Radius of the first ring of vertices in metres, and the distance of vertices over their distance from the centre.
@@ -84,12 +86,14 @@ _CIRCLE: tuple[Callable[[Array], Array], ...] = (np.cos, np.sin)
 @dataclass(frozen=True)
 class Variety:
     """What differs between training pairs, so that a study can narrow it: the ``terrains``, the elevations ``suns_deg``
-    of the Sun, whether the albedo varies over a ground, and whether the sensor has noise and stray pixels."""
+    of the Sun, whether the albedo varies over a ground, and whether the sensor has noise and stray pixels. ``own`` are
+    complete settings whose terrain, landforms and rocks all grounds have, in place of presets."""
 
     terrains: tuple[str, ...] = TERRAINS
     suns_deg: tuple[float, float] = SUN_DEG
     has_patterns: bool = True
     has_noise: bool = True
+    own: Settings | None = None
 
 
 #: All that can differ.
@@ -98,15 +102,17 @@ FULL = Variety()
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a ground is made of. ``terrain`` is a preset's name, ``rocks`` a preset's name or "", ``place_m`` (2,) the
-    standing place, ``shapes`` the number of shapes that no ice has. ``law`` is the surface's law, named ``law_name``;
-    ``albedo`` its mean parameter (Bond albedo, spherical albedo of snow, w of Hapke)."""
+    """What a ground is made of. ``terrain`` is a preset's name or ``OWN``, ``bare`` the settings without rocks and
+    ``rocks`` with them, or None; ``place_m`` (2,) is the standing place, ``shapes`` the number of shapes that no ice
+    has. ``law`` is the surface's law, named ``law_name``; ``albedo`` its mean parameter (Bond albedo, spherical albedo
+    of snow, w of Hapke)."""
 
     seed: int
     split: str
     number: int
     terrain: str
-    rocks: str
+    bare: Settings
+    rocks: Settings | None
     place_m: tuple[float, float]
     shapes: int
     law_name: str
@@ -212,8 +218,8 @@ def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> 
         seed,
         split,
         number,
-        terrain,
-        "rocks/block_field" if terrain == "block_field" else rocks,
+        terrain if variety.own is None else OWN,
+        *_choose_settings(terrain, rocks, variety.own),
         (float(place[0]), float(place[1])),
         shapes,
         name,
@@ -221,6 +227,16 @@ def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> 
         albedo,
         pattern,
     )
+
+
+def _choose_settings(terrain: str, rocks: str, own: Settings | None) -> tuple[Settings, Settings | None]:
+    """The complete settings of a ground without rocks and with them; None if it has none."""
+    if own is not None:
+        return own, own if own.rocks.coverage else None
+    bare = merged(defaults(), load_preset(f"terrains/{terrain}"))
+    if terrain == "block_field":
+        rocks = "rocks/block_field"
+    return bare, merged(bare, load_preset(rocks)) if rocks else None
 
 
 def _draw_law(random: np.random.Generator) -> tuple[str, LawOfAlbedo, float]:
@@ -248,11 +264,10 @@ def _vary_hapke(settings: Settings, w: Numbers) -> Law:
 def build_ground(recipe: Recipe) -> Ground:
     """The triangles of a ground and their tracer. Raises IcyMoonError without Embree, MemoryError without memory."""
     seed = int(make_split_generator(recipe.seed, recipe.split, recipe.number, 1).integers(2**31 - 1))
-    settings = merged(defaults(), load_preset(f"terrains/{recipe.terrain}"))
-    terrain = make_terrain(settings, seed)
+    terrain = make_terrain(recipe.bare, seed)
     placed = [_mesh_terrain(terrain, recipe.place_m)]
-    if recipe.rocks:
-        placed += _lay_rocks(merged(settings, load_preset(recipe.rocks)), terrain, seed, recipe.place_m)
+    if recipe.rocks is not None:
+        placed += _lay_rocks(recipe.rocks, terrain, seed, recipe.place_m)
     if recipe.shapes:
         placed += _hang_shapes(recipe, terrain)
     world = World(placed)

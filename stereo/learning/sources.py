@@ -7,14 +7,14 @@ from typing import Any, Protocol
 
 
 class GroundSource(Protocol):
-    """Samples in groups, of which each is of one ground or pair. Numbers go on without end."""
+    """Samples in groups, each of one ground made by rays or of some pairs. Numbers go on without end."""
 
     @property
     def name(self) -> str:
         """A name for files, which differs where the samples differ."""
 
     def list_ground(self, number: int) -> Iterator[Mapping[str, Any]]:
-        """The samples of a ground, as ``MadePairs.make_sample`` gives them."""
+        """The samples of a group, as ``MadePairs.make_sample`` gives them."""
 
 
 class SourcesByTurns:

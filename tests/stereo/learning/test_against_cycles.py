@@ -12,6 +12,8 @@ from icymoon.physics.light.directions import camera_axes, direction_toward
 from icymoon.physics.surfaces.photometry import lunar_lambert
 from icymoon.rays.embree import load_library
 from icymoon.rays.stereo_truth import Eye
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.learning import grounds, made_pairs
 from icymoon.stereo.learning.grounds import build_ground, draw_recipe
 from icymoon.stereo.learning.made_pairs import render_eye
@@ -39,8 +41,9 @@ def make_ground(monkeypatch, terrain):
     grounds._make_rings.cache_clear()
     recipe = draw_recipe(0, "train", 0)
     pattern = replace(recipe.pattern, albedo=0 * recipe.pattern.albedo, slope=0 * recipe.pattern.slope)
+    own = merged(defaults(), load_preset(f"terrains/{terrain}"))
     made = replace(
-        recipe, terrain=terrain, rocks="", shapes=0, albedo=ALBEDO, pattern=pattern, law=lambda a: lunar_lambert(a, 0.0)
+        recipe, bare=own, rocks=None, shapes=0, albedo=ALBEDO, pattern=pattern, law=lambda a: lunar_lambert(a, 0.0)
     )
     ground = build_ground(made)
     grounds._make_rings.cache_clear()

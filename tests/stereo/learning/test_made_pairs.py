@@ -9,10 +9,13 @@ import pytest
 from icymoon.physics.light.directions import camera_axes, direction_toward
 from icymoon.physics.surfaces.photometry import lunar_lambert
 from icymoon.physics.surfaces.snow import snow_law
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.rays.embree import load_library
 from icymoon.rays.engine import open_tracer
 from icymoon.rays.shapes import Placed, Shape, World
 from icymoon.rays.stereo_truth import Eye
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.learning import grounds, made_pairs
 from icymoon.stereo.learning.grounds import Ground, build_ground, draw_recipe, draw_sun_elevation_deg
 from icymoon.stereo.learning.made_pairs import MadePairs, draw_view
@@ -189,3 +192,31 @@ def test_training_shows_nothing_that_is_held_out():
 def test_wrong_requests_name_a_fix(wrong, told):
     with pytest.raises(IcyMoonError, match=told):
         MadePairs(**wrong)
+
+
+def test_the_ground_may_be_of_the_users_own_settings():
+    blades = merged(defaults(), load_preset("scenes/europa_penitentes"))
+    own = grounds.Variety(own=blades)
+    recipe = draw_recipe(0, "train", 3, own)
+    assert recipe.terrain == grounds.OWN
+    assert recipe.bare is blades
+    assert recipe.rocks is None
+    rocky = merged(blades, {"rocks": {"coverage": 0.1}})
+    assert draw_recipe(0, "train", 3, grounds.Variety(own=rocky)).rocks is rocky
+    assert (recipe.place_m, recipe.law_name) == ((usual := draw_recipe(0, "train", 3)).place_m, usual.law_name)
+    names = {MadePairs(variety=each).name for each in (own, grounds.FULL, grounds.Variety(own=rocky))}
+    assert len(names) == 3  # no file of one is taken for another's
+
+
+def test_own_ground_stands_where_the_terrain_of_the_settings_does():
+    blades = merged(defaults(), load_preset("terrains/penitentes"))
+    ground = build_ground(draw_recipe(0, "train", 3, grounds.Variety(own=blades)))
+    try:
+        seed = int(grounds.make_split_generator(0, "train", 3, 1).integers(2**31 - 1))
+        x, y = (np.array(ground.recipe.place_m) + 0.7)[:, None]  # beyond the first ring
+        above = np.array([[x[0], y[0], 30.0]])
+        met = ground.tracer.intersect(above, np.array([[0.0, 0.0, -1.0]]), 0.0, 100.0)
+        height = make_terrain(blades, seed).heights(x, y, 0.01)[0]
+        assert 30.0 - met.along[0] == pytest.approx(height, abs=0.02)  # triangles of 1.2 cm
+    finally:
+        grounds.close_ground(ground)

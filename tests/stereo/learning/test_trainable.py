@@ -11,6 +11,7 @@ import pytest
 import torch
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo import training_data
+from icymoon.stereo.learning.made_pairs import CROPS_PER_GROUND, MadePairs
 from icymoon.stereo.learning.train import CachedGrounds, Plan, Run
 from icymoon.stereo.learning.trainable import find_trainable
 from icymoon.stereo.training_data import MADE, open_sources
@@ -87,12 +88,15 @@ def test_a_users_own_network_trains_is_saved_and_is_fine_tuned(own, grounds, tmp
 
 
 def test_pairs_of_a_data_set_come_all_before_one_comes_again(grounds, dataset, tmp_path):
-    found = [grounds.read(number) for number in range(4)]
-    assert found[0]["left"].shape == (4, 1, 48, 64)
-    means = [each["disparity_px"].mean() for each in found]
-    assert len(set(means)) == 4  # other crops of the first pair
-    samples = list(open_sources([str(dataset)], PLAN.pair_px, 0).list_ground(1))
-    assert len({each["scene"] for each in samples}) == 1
+    samples = list(open_sources([str(dataset)], PLAN.pair_px, 0).list_ground(0))
+    scenes = [each["scene"] for each in samples]
+    assert len(scenes) == CROPS_PER_GROUND  # a ground made by rays and a group of pairs weigh the same
+    assert len(set(scenes[:12])) == 3
+    assert scenes[:12] == scenes[12:]  # three pairs, twice
+    found = grounds.read(0)
+    assert found["left"].shape == (24, 1, 48, 64)
+    assert len({each.tobytes() for each in found["left"]}) == 24  # other crops, and other noise
+    assert not np.array_equal(grounds.read(1)["left"], found["left"])
 
 
 def test_sources_take_turns(dataset, monkeypatch):
@@ -103,6 +107,25 @@ def test_sources_take_turns(dataset, monkeypatch):
     for number in range(2):
         one, other = (next(iter(each)) for each in (both.list_ground(2 * number + 1), alone.list_ground(number)))
         assert np.array_equal(one["left"], other["left"])
+
+
+def test_grounds_of_a_file_of_settings_and_those_that_rays_cannot_make(tmp_path):
+    file = tmp_path / "moon.toml"
+    file.write_text('[preset]\ninclude = ["scenes/europa_penitentes"]\n[rocks]\ncoverage = 0.1\n', "utf-8")
+    source = open_sources([f"made:{file}"], (64, 48), 5)
+    assert isinstance(source, MadePairs)
+    own = source.variety.own
+    assert own is not None
+    assert (own.penitentes.height_m, own.rocks.coverage) == (2.0, 0.1)
+    for text, words in (
+        ('[source]\nkind = "HEIGHT_MAP"\n', "procedural ground only; render pairs of it with icymoon batch"),
+        ("[terrain]\nnothing = 1\n", "nothing"),
+    ):
+        file.write_text(text, "utf-8")
+        with pytest.raises(IcyMoonError, match=words):
+            open_sources([f"made:{file}"], (64, 48), 5)
+    with pytest.raises(IcyMoonError, match="europa_penitentes"):
+        open_sources(["made:scenes/europa_penitente"], (64, 48), 5)
 
 
 @pytest.mark.parametrize(
