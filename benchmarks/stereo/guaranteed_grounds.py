@@ -3,10 +3,10 @@
     python benchmarks guaranteed_grounds --out FOLDER
 
 Each ground has one pair. Some grounds calibrate, others of the same terrains test, and held-out landforms test again.
-icynet was trained on grounds of another split. Terrains are gentle, see ``TERRAINS``, and the Sun stands at 16 to 65
-degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the workspace are the same in
-all pairs, see ``SETTINGS``. The rest is done by the functions of ``icymoon decide``: search ranges, cells, gaps, rules
-and light. There is no arm, so every cell is in reach.
+icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, see ``TERRAINS``, and the
+Sun stands at 16 to 65 degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the
+workspace are the same in all pairs, see ``SETTINGS``. The rest is done by the functions of ``icymoon decide``: search
+ranges, cells, gaps, rules and light. There is no arm, so every cell is in reach.
 
 With ``--out`` a second start makes only the rows that are missing.
 """
