@@ -85,26 +85,29 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
     ``cell_m`` is the side of a cell for a pair without true heights. Raises IcyMoonError for a pair of another program,
     without the camera's position, with a rolling shutter, or without ground.
     """
-    pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
-    if not isinstance(pair, Pair) or pose is None:
-        raise IcyMoonError(
-            f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
-            "pair that was rendered here."
-        )
-    refuse_rolling_shutter(pair, "a lander decides from images of one pose", "decide on a pair with rig.readout_s 0")
-    known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
-    seen_points, _ = back_project_depth(known, pair.camera.rectified, pose)
-    if not len(seen_points):
-        raise IcyMoonError(f"{pair.folder} shows no ground, so there is nothing to decide; point the camera at some.")
-    stated = pair.data.get("workspace")
-    if stated:
+    pair, pose = _find_place(prepared)
+    if stated := pair.data.get("workspace"):
         grid, heights = read_grid(stated), _read_heights(pair, stated)
-        dem = Dem(grid, heights[0], np.where(np.isfinite(heights[0]), 1, 0))
-        rocks = heights[0] - heights[1] > rules.site.rock_height_m
-    else:
-        grid = _make_grid_ahead(pair, seen_points, cell_m or DEFAULT_CELL_M)
-        dem = make_dem(np.concatenate([seen_points, _find_points_of_right_eye(pair)]), grid, 1)
-        rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
+        return make_workspace(prepared, rules, grid, heights)
+    seen_points = _find_seen_points(prepared, pair, pose)
+    grid = _make_grid_ahead(pair, seen_points, cell_m or DEFAULT_CELL_M)
+    dem = make_dem(np.concatenate([seen_points, _find_points_of_right_eye(pair)]), grid, 1)
+    rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
+    return _judge_truth(prepared, rules, dem, rocks, exact=False)
+
+
+def make_workspace(prepared: PreparedPair, rules: Rules, grid: Grid, heights_m: Array) -> Workspace:
+    """The workspace of a pair with the truth's decisions from exact heights (2, rows, columns): with the rocks, and of
+    the ground without them. Raises IcyMoonError as ``open_workspace``.
+    """
+    dem = Dem(grid, heights_m[0], np.where(np.isfinite(heights_m[0]), 1, 0))
+    return _judge_truth(prepared, rules, dem, heights_m[0] - heights_m[1] > rules.site.rock_height_m, exact=True)
+
+
+def _judge_truth(prepared: PreparedPair, rules: Rules, dem: Dem, rocks: Array, exact: bool) -> Workspace:
+    """The workspace with these true heights and cells (rows, columns) with a rock."""
+    pair, pose = _find_place(prepared)
+    grid = dem.grid
     margin = _find_joint_margins(pair, pose, dem)
     lit = find_lit_cells(dem.height_m, grid.cell_m, read_sun_direction(pair))
     layers = measure_layers(dem, margin, lit, rules.site, rocks, _read_true_materials(pair, rules))
@@ -115,12 +118,33 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
         pair,
         pose,
         rules,
-        bool(stated),
-        make_dem(seen_points, grid, 1).known,
+        exact,
+        make_dem(_find_seen_points(prepared, pair, pose), grid, 1).known,
         inside,
         inside & (margin >= rules.site.joint_margin_deg),
         maps,
     )
+
+
+def _find_place(prepared: PreparedPair) -> tuple[Pair, Array]:
+    """The pair and the pose of its left eye. Raises IcyMoonError for a pair on which nothing can be decided."""
+    pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
+    if not isinstance(pair, Pair) or pose is None:
+        raise IcyMoonError(
+            f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
+            "pair that was rendered here."
+        )
+    refuse_rolling_shutter(pair, "a lander decides from images of one pose", "decide on a pair with rig.readout_s 0")
+    return pair, pose
+
+
+def _find_seen_points(prepared: PreparedPair, pair: Pair, pose: Array) -> Array:
+    """Points (n, 3), m, of the ground that the left image shows. Raises IcyMoonError without any."""
+    known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
+    points, _ = back_project_depth(known, pair.camera.rectified, pose)
+    if not len(points):
+        raise IcyMoonError(f"{pair.folder} shows no ground, so there is nothing to decide; point the camera at some.")
+    return points
 
 
 def read_sun_direction(pair: Pair) -> Array:

@@ -134,7 +134,7 @@ class MadePairs:
         ``pair`` and ``scene``."""
         random = make_split_generator(self.seed, self.split, number // CROPS_PER_GROUND, 3, number)
         view = draw_view(ground, self.split, self.crop_px, random, self.variety)
-        depth, hidden = _trace_truth(ground, view)
+        depth, hidden = trace_truth(ground, view)
         with np.errstate(divide="ignore"):
             disparity = view.left.focal_px * view.baseline_m / depth
         column = np.arange(self.crop_px[0]) + 0.5
@@ -157,7 +157,7 @@ class MadePairs:
         }
 
 
-def _trace_truth(ground: Ground, view: View) -> tuple[Array, Array]:
+def trace_truth(ground: Ground, view: View) -> tuple[Array, Array]:
     """Planar depth (rows, columns) in metres at pixel centres of the left eye, infinite for the sky, and whether the
     right eye sees something else there. Embree's single precision errs by 2.4e-7 of the depth."""
     depth, hidden = np.empty(view.left.rows * view.left.columns), np.empty(view.left.rows * view.left.columns, bool)
@@ -193,7 +193,7 @@ def draw_view(
     faults = _draw_faults(focal, random)
     turned = axes @ rotations.from_vector(faults.turn_rad)
     imaged = Eye(columns, rows, focal, left.cx_px, left.cy_px + faults.shift_px, turned, right.position)
-    return View(left, right, imaged, baseline, _draw_light(split, random, variety), faults)
+    return View(left, right, imaged, baseline, draw_light(split, random, variety), faults)
 
 
 def _measure_depths(ground: Ground, eye: Eye) -> Array:
@@ -212,7 +212,8 @@ def _draw_faults(focal_px: float, random: np.random.Generator) -> Faults:
     return Faults(turn, float(random.normal(0, 0.25)) * crooked, gain)
 
 
-def _draw_light(split: str, random: np.random.Generator, variety: Variety) -> Lighting:
+def draw_light(split: str, random: np.random.Generator, variety: Variety) -> Lighting:
+    """The light of a sample of a split."""
     irradiance, diameter_deg = _SUNS[int(random.integers(len(_SUNS)))]
     elevation, azimuth = draw_sun_elevation_deg(split, random, variety.suns_deg), float(random.uniform(0, 360))
     sky = float(random.uniform(0, 0.02)) if random.random() < 0.7 else float(random.uniform(0.02, 0.3))

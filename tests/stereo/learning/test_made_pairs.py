@@ -84,7 +84,7 @@ def test_disparity_leads_to_the_same_point_in_the_right_eye(coarse):
     ground = build_ground(draw_recipe(3, "train", 1))
     random = np.random.default_rng(5)
     view = draw_view(ground, "train", CROP, random)
-    depth, hidden = made_pairs._trace_truth(ground, view)
+    depth, hidden = made_pairs.trace_truth(ground, view)
     disparity = view.left.focal_px * view.baseline_m / depth
     row, column = np.indices(depth.shape)
     other = column - disparity
@@ -111,7 +111,7 @@ def test_disparity_of_a_plane_is_its_formula():
     left = Eye(64, 48, 90.0, 30.0, 20.0, axes, np.array([1.0, 2.0, height]))
     right = replace(left, position=left.position + 0.3 * axes[:, 0])
     view = made_pairs.View(left, right, right, 0.3, light(), made_pairs.Faults(np.zeros(3), 0.0, 1.0))
-    depth, hidden = made_pairs._trace_truth(ground, view)
+    depth, hidden = made_pairs.trace_truth(ground, view)
     down = (np.arange(48) + 0.5 - 20.0) / 90.0
     expected = 90.0 * 0.3 * (np.sin(pitch) + down * np.cos(pitch)) / height
     seen = np.broadcast_to(expected[:, None] > 0.05, depth.shape)

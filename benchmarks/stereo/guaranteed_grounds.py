@@ -1,0 +1,389 @@
+"""The guarantee of a calibration of decisions, by grounds that matchers really see: pairs by rays, without renders.
+
+    python benchmarks guaranteed_grounds --out FOLDER
+
+Each ground has one pair. Some grounds calibrate, others of the same terrains test, and held-out landforms test again.
+icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, see ``TERRAINS``, and the
+Sun stands at 16 to 65 degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the
+workspace are the same in all pairs, see ``SETTINGS``. The rest is done by the functions of ``icymoon decide``: search
+ranges, cells, gaps, rules and light. There is no arm, so every cell is in reach.
+
+With ``--out`` a second start makes only the rows that are missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon.benchmarks.common.arguments import open_out_folder
+from icymoon.benchmarks.stereo.map_errors import find_top_heights
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.physics.light.directions import camera_axes
+from icymoon.physics.light.scene_sun import SceneSun
+from icymoon.rays.engine import open_tracer
+from icymoon.rays.shapes import World
+from icymoon.rays.stereo_truth import Eye
+from icymoon.render.pairs.pair_folder import Pair
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
+from icymoon.stereo.decide import DECISIONS_VERSION
+from icymoon.stereo.decisions.calibration import Goal, calibrate_matchers, make_sentences
+from icymoon.stereo.decisions.calibration_file import Calibration
+from icymoon.stereo.decisions.calibration_pairs import StatedPair
+from icymoon.stereo.decisions.dem import Grid
+from icymoon.stereo.decisions.guarantee import apply_calibration, bound_share
+from icymoon.stereo.decisions.rules import read_rules
+from icymoon.stereo.decisions.safe_sites import RULE_NAMES, SAFE
+from icymoon.stereo.decisions.scores import THRESHOLDS
+from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH, UNLIKE
+from icymoon.stereo.decisions.workspace import (
+    Workspace,
+    compare_with_truth,
+    count_map_errors,
+    decide_from_depth,
+    make_workspace,
+    measure_features,
+)
+from icymoon.stereo.evaluate import list_method_inputs
+from icymoon.stereo.fusion.fuse import list_lidar_inputs
+from icymoon.stereo.images import colours
+from icymoon.stereo.images.develop import develop
+from icymoon.stereo.images.exr import Light
+from icymoon.stereo.inference.risk_control import bound_risk
+from icymoon.stereo.inference.scene_means import find_mean_intervals
+from icymoon.stereo.learning.grounds import (
+    Ground,
+    Recipe,
+    Variety,
+    build_ground,
+    close_ground,
+    draw_recipe,
+    make_split_generator,
+)
+from icymoon.stereo.learning.made_pairs import Faults, View, draw_light, render_eye, trace_truth
+from icymoon.stereo.matchers.methods import Method, parse_methods
+from icymoon.stereo.measure.by_pixel_class import MATERIAL, measure_texture
+from icymoon.stereo.measure.prepare_pair import PreparedPair
+from icymoon.stereo.measure.row_metrics import disparity_to_depth
+from icymoon.stereo.measure.self_check import SelfCheck
+from icymoon.stereo.measure_pair import find_search_ranges, match_prepared
+from icymoon.stereo.report.row_log import RowLog
+from icymoon.support.arrays import Array
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.file_schemas import NUMBER, TABLE, TEXT, Maybe, Shape
+from icymoon.support.files import make_json_digest
+from icymoon.support.version import version
+
+Row = dict[str, Any]
+#: The terrains of training on which most workspaces with few rocks or none have a safe site: chosen by the truth alone,
+#: on other grounds.
+TERRAINS = ("europa_ridged_plain", "low_1", "low_2", "low_3", "smooth", "sublimation_pits")
+VARIETY = Variety(TERRAINS, suns_deg=(16.0, 65.0))
+#: The camera of the plan ``datasets/workspaces``, and a workspace to its right: without knowledge of the relief, block
+#: matchers search up to some 110 px, and measure nothing in as many columns at the left.
+SETTINGS = merged(
+    merged(merged(defaults(), load_preset("rigs/guiss")), load_preset("sensors/default")),
+    {
+        "rig": {"focal_length_mm": 64.0, "width_px": 320, "height_px": 240},
+        "workspace": {"cell_m": 0.02, "size_m": 1.2, "east_m": 0.3, "north_m": 1.6},
+    },
+)
+CAMERA = StereoCamera.from_settings(SETTINGS.rig)
+RULES = read_rules()
+RAYS_PER_PIXEL = 2
+METHODS = "bm,sgbm,sgbm_wls,jplv,icynet,sgbm+lidar:points=300"
+CALIBRATION, TEST, LANDFORM = "calibration", "test", "landform"
+_NO_FAULTS = Faults(np.zeros(3), 0.0, 1.0)
+_NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
+_ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "cpu_s": NUMBER}
+#: The entries of ``sites`` that no table needs.
+_LEFT_OUT = ("roc",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--grounds", type=int, default=124, help="grounds that calibrate (%(default)s)")
+    parser.add_argument("--tests", type=int, default=62, help="other grounds of the same terrains (%(default)s)")
+    parser.add_argument("--landforms", type=int, default=60, help="grounds of held-out landforms (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the grounds (%(default)s)")
+    parser.add_argument("--methods", default=METHODS, help="matchers (%(default)s)")
+    parser.add_argument("--alpha", type=float, default=0.05, help="largest risk (%(default)s)")
+    parser.add_argument("--delta", type=float, default=0.05, help="1 - confidence (%(default)s)")
+    parser.add_argument("--out", type=Path, help="folder that keeps the rows (default: a temporary one)")
+
+
+def draw_grounds(seed: int, grounds: int, tests: int, landforms: int) -> dict[str, list[Recipe]]:
+    """The recipes of each kind of grounds. Those that calibrate and those that test come by turns."""
+    own = _draw_recipes(seed, "ground", 2 * max(grounds, tests))
+    return {
+        CALIBRATION: own[::2][:grounds],
+        TEST: own[1::2][:tests],
+        LANDFORM: _draw_recipes(seed, "landform", landforms),
+    }
+
+
+def _draw_recipes(seed: int, split: str, count: int) -> list[Recipe]:
+    found: list[Recipe] = []
+    number = 0
+    while len(found) < count:
+        recipe = draw_recipe(seed, split, number, VARIETY)
+        found += [recipe] if not recipe.shapes else []
+        number += 1
+    return found
+
+
+def name_pair(recipe: Recipe) -> str:
+    """The name of the pair of a ground."""
+    return f"{recipe.split}-{recipe.seed}-{recipe.number}"
+
+
+def look(ground: Ground, random: np.random.Generator) -> View:
+    """The view of a lander that stands on the ground and looks north."""
+    axes = camera_axes(SETTINGS.rig.heading_deg, SETTINGS.rig.pitch_deg)
+    position = np.array([*ground.recipe.place_m, ground.height_m + SETTINGS.rig.height_m])
+    left, right = (
+        Eye(
+            CAMERA.width_px,
+            CAMERA.height_px,
+            CAMERA.focal_px,
+            CAMERA.cx_px,
+            CAMERA.cy_px,
+            axes,
+            position + aside * axes[:, 0],
+        )
+        for aside in (0.0, CAMERA.baseline_m)
+    )
+    light = draw_light(ground.recipe.split, random, VARIETY)
+    return View(left, right, right, CAMERA.baseline_m, light, _NO_FAULTS)
+
+
+def state_pair(recipe: Recipe, view: View) -> Pair:
+    """The pair as a worker states it, as far as decisions read it."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = view.left.axes, view.left.position
+    sun = SceneSun(view.light.sun, view.light.irradiance_wm2, 2 * float(np.degrees(view.light.sun_radius_rad)))
+    data = {
+        "poses_rectified_to_world": {"left": pose.tolist()},
+        "light": {"sun": sun.to_json()},
+        "edited_by_hand": True,  # the settings do not describe the ground
+    }
+    name = name_pair(recipe)
+    return Pair(Path(name), name, SETTINGS, CAMERA, data)
+
+
+def prepare(ground: Ground) -> PreparedPair:
+    """The pair of a ground: its images by the sensor of the settings, and its truth."""
+    recipe = ground.recipe
+    random = make_split_generator(recipe.seed, recipe.split, recipe.number, 4)
+    view = look(ground, random)
+    pair = state_pair(recipe, view)
+    depth, hidden = trace_truth(ground, view)
+    light = (render_eye(ground, view.light, eye, RAYS_PER_PIXEL, random) for eye in (view.left, view.right))
+    left_light, right_light = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in light)
+    images = develop(pair, left_light, right_light, SETTINGS)
+    left, right = images.for_matchers()
+    truth = np.where(np.isfinite(depth), depth, np.nan)
+    in_both = np.arange(CAMERA.width_px) + 0.5 >= CAMERA.disparity(truth)
+    return PreparedPair(
+        pair,
+        left,
+        right,
+        truth,
+        in_both & ~hidden,
+        measure_texture(left),
+        {MATERIAL.key: np.zeros(truth.shape, np.int8)},
+        _NO_SELF_CHECK,
+        colours.make_depth_scale(truth),
+        {"settings": SETTINGS},
+        images=images,
+    )
+
+
+def open_made_workspace(ground: Ground, prepared: PreparedPair) -> Workspace:
+    """The workspace of a pair, with exact heights by rays from above."""
+    asked, (east, north) = SETTINGS.workspace, ground.recipe.place_m
+    side = round(asked.size_m / asked.cell_m)
+    half = asked.size_m / 2
+    grid = Grid(asked.cell_m, side, side, east + asked.east_m - half, north + asked.north_m + half)
+    bare = open_tracer(World(ground.world.placed[:1]))  # the ground itself, without rocks
+    try:
+        heights = [find_top_heights(each, grid) for each in (ground, replace(ground, tracer=bare))]
+    finally:
+        bare.close()
+    return make_workspace(prepared, RULES, grid, np.stack(heights))
+
+
+def decide(workspace: Workspace, method: Method | None) -> dict[str, Any]:
+    """The numbers of a method, or of the true depth without one, as in a row of ``icymoon decide``; ``fails`` is the
+    rule that the chosen site fails first in truth.
+    """
+    prepared = workspace.prepared
+    depth = prepared.truth
+    if method is not None:
+        shared = np.where(prepared.visible, CAMERA.disparity(prepared.truth), np.nan)
+        disparity, _ = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
+        depth = disparity_to_depth(prepared, disparity)
+    found = decide_from_depth(workspace, depth)
+    sites = compare_with_truth(workspace, found)["sites"]
+    code = SAFE if sites["chosen"] is None else workspace.truth.sites.failed[tuple(sites["chosen"])]
+    return {
+        "sites": {key: value for key, value in sites.items() if key not in _LEFT_OUT},
+        "fails": None if code == SAFE else RULE_NAMES[code - 1],
+        "features": measure_features(workspace, found),
+        "errors": count_map_errors(workspace, found),
+    }
+
+
+def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Row]:
+    """The rows of a ground by the true depth and the methods; missing ones are made and logged."""
+    name = name_pair(recipe)
+    wanted: dict[str, Method | None] = {TRUE_DEPTH: None} | {method.label: method for method in methods}
+    inputs = DECISIONS_VERSION, version(), RULES.to_json()
+    keys = {
+        label: make_json_digest([*inputs, *([list_method_inputs(m), list_lidar_inputs(m, name)] if m else [])])
+        for label, m in wanted.items()
+    }
+    rows = {label: log.find(name, label, key) for label, key in keys.items()}
+    if not all(rows.values()):
+        start = time.process_time()
+        ground = build_ground(recipe)
+        try:
+            workspace = open_made_workspace(ground, prepare(ground))
+        finally:
+            close_ground(ground)
+        for label in (label for label, row in rows.items() if row is None):
+            row: Row = {"pair": name, "method": label, "key": keys[label], "status": "ok", "error": "", "numbers": None}
+            try:
+                row["numbers"] = decide(workspace, wanted[label])
+            except IcyMoonError as error:
+                row |= {"status": "failed", "error": str(error)}
+            row["cpu_s"] = time.process_time() - start
+            start = time.process_time()
+            log.append(row)
+            rows[label] = row
+    return [row for row in rows.values() if row]
+
+
+def state_grounds(rows: Sequence[Row]) -> dict[str, StatedPair]:
+    """The statements of the pairs of rows: each is a ground of its own."""
+    return {row["pair"]: StatedPair(row["pair"], "", {}) for row in rows}
+
+
+def calibrate(rows: Sequence[Row], goal: Goal) -> Calibration:
+    """The calibration that ``decide --calibrate`` makes of these rows, without a file."""
+    stated = state_grounds(rows)
+    entries = calibrate_matchers(rows, stated, {row["method"]: "" for row in rows}, goal)
+    return Calibration(Path(), goal, {}, {}, frozenset(stated), 1, entries)
+
+
+def find_lost_shares(rows: Sequence[Row], threshold: float | None) -> Array:
+    """The shares (grounds, 2) of safe cells that are lost on each ground with a safe one: by the rules alone, and
+    without the guaranteed margin of the map.
+    """
+    found = []
+    for row in rows:
+        sites = row["numbers"]["sites"]
+        _, safe, _, both = sites["cells"]
+        if safe:
+            alike = threshold is not None and row["guarantee"]["verdict"] != UNLIKE
+            at = THRESHOLDS.index(threshold) if alike and threshold is not None else None
+            kept = 0 if at is None else sites["taken_from"][at] - sites["unsafe_from"][at]
+            found.append((1 - both / safe, 1 - kept / safe))
+    return np.array(found).reshape(-1, 2)
+
+
+def apply(calibration: Calibration, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """For each method the counts of ``decide --calibration`` on other grounds, with ``lost``, the means of
+    ``find_lost_shares``, and ``lost_bounds``.
+    """
+    marked, guarantee = apply_calibration(calibration, rows, state_grounds(rows))
+    found = []
+    for entry in guarantee["methods"]:
+        own = [row for row in marked if row["method"] == entry["method"] and row["guarantee"]]
+        lost = find_lost_shares(own, entry["map_threshold"])
+        bounds = find_mean_intervals(lost, np.arange(len(lost)), np.array([True, True]))
+        found.append(entry | {"lost": lost.mean(axis=0).tolist(), "lost_bounds": bounds.tolist()})
+    return found
+
+
+def count_choices(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+    """For each method, of the rules alone: the numbers of ``grounds``, of those with a site (``acted``), and of
+    ``unsafe`` and ``dangerous`` choices, and the numbers of unsafe choices by the rule that ``fails`` first in truth.
+    """
+    found = {}
+    for label in dict.fromkeys(row["method"] for row in rows):
+        own = [row["numbers"] for row in rows if row["method"] == label and row["status"] == "ok"]
+        sites = [each["sites"] for each in own]
+        found[label] = {
+            "grounds": len(own),
+            "acted": sum(each["chosen"] is not None for each in sites),
+            "unsafe": sum(each["unsafe_choice"] == 1 for each in sites),
+            "dangerous": sum(each["dangerous_choice"] == 1 for each in sites),
+            "fails": dict(Counter(each["fails"] for each in own if each["fails"])),
+        }
+    return found
+
+
+def print_truth(kind: str, rows: Sequence[Row]) -> None:
+    """The share of grounds that have a safe site in truth."""
+    safe = [row["numbers"]["sites"]["cells"][1] > 0 for row in rows if row["method"] == TRUE_DEPTH]
+    low, high = bound_share(sum(safe), len(safe), 0.05)
+    print(f"{kind}: {sum(safe)} of {len(safe)} grounds have a safe site in truth ({low:.2f} to {high:.2f})")
+
+
+def print_choices(rows: Sequence[Row]) -> None:
+    """A table of the choices by the rules alone, with a line for each method."""
+    print(f"{'by the rules alone':<24}{'acts':>6}{'unsafe':>8}{'at most':>9}{'dangerous':>11}  first failed rule")
+    for label, each in count_choices(rows).items():
+        bound = bound_risk(each["unsafe"], each["grounds"], 0.05)
+        fails = ", ".join(f"{name} {count}" for name, count in each["fails"].items())
+        print(f"{label:<24}{each['acted']:>6}{each['unsafe']:>8}{bound:>9.3f}{each['dangerous']:>11}  {fails}")
+
+
+def print_table(found: Sequence[Mapping[str, Any]]) -> None:
+    """A table of the guarantee, with a line for each method."""
+    columns = "margin", "acts", "unsafe", "at most", "unlike", "lost before", "lost after"
+    widths = 8, 22, 8, 9, 8, 22, 22
+    print(f"{'with a guarantee':<24}" + "".join(f"{name:>{wide}}" for name, wide in zip(columns, widths, strict=True)))
+    for entry in found:
+        low, high = entry["acted_bounds"]
+        cells = (
+            "none" if entry["threshold"] is None else f"{entry['threshold']:.2f}",
+            f"{entry['acted'] / entry['grounds']:.2f} ({low:.2f} to {high:.2f})",
+            f"{entry['unsafe']}",
+            f"{entry['unsafe_bound']:.3f}",
+            f"{entry['unlike']}",
+            *(
+                f"{mean:.2f} ({least:.2f} to {most:.2f})"
+                for mean, (least, most) in zip(entry["lost"], entry["lost_bounds"], strict=True)
+            ),
+        )
+        line = "".join(f"{cell:>{wide}}" for cell, wide in zip(cells, widths, strict=True))
+        print(f"{entry['method']:<24}{line}")
+
+
+def main(options: argparse.Namespace) -> None:
+    """Make the grounds, calibrate on some and print a table for each kind of the others."""
+    methods, goal = parse_methods(options.methods), Goal(options.alpha, options.delta)
+    goal.check()
+    recipes = draw_grounds(options.seed, options.grounds, options.tests, options.landforms)
+    with open_out_folder(options.out) as folder:
+        log = RowLog(folder / "rows.jsonl", _ROW_SHAPE)
+        rows = {
+            kind: [row for recipe in own for row in make_rows(recipe, methods, log)] for kind, own in recipes.items()
+        }
+    calibration = calibrate(rows[CALIBRATION], goal)
+    print("\n".join(make_sentences(calibration.entries, goal)))
+    for kind, own in rows.items():
+        print()
+        print_truth(kind, own)
+        print_choices(own)
+        if kind != CALIBRATION:
+            print_table(apply(calibration, own))
+    print(f"\n{sum(row['cpu_s'] for own in rows.values() for row in own):.0f} CPU seconds")
