@@ -21,6 +21,7 @@ from . import (
     evaluate,
     evaluator_python,
     export_pairs,
+    full_undo,
     import_ground,
     job_operators,
     lamp_list,
@@ -108,6 +109,7 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 _EVENT_MODULES: tuple[Any, ...] = (
     window_events,
     session,
+    full_undo,
     unseen_jobs,
     build,
     coloured_views,

@@ -1,8 +1,8 @@
 """The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
 
 Another Blender builds the scene, and a timer takes it over from its file. A setting of the ground that changes ends
-that process at once. This adds no undo step: undo takes the chosen scene back as a whole. Where undo and redo show the
-coarse ground again, the fine ground follows again.
+that process at once. This adds no undo step: undo takes the chosen scene back as a whole, and redo stays possible.
+Where undo and redo show the coarse ground again, the fine ground follows again.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import jobs, view_resolution
 from .build import find_views_through, look_through
+from .full_undo import require_full_undo
 from .session import session
 from .window_areas import pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
@@ -123,6 +124,7 @@ def _show_refined(built: scenes.Built, of: Settings, settings: Settings, job: jo
             raise IcyMoonError(job.failure)
         if built.terrain.mode != "OBJECT" or built.edited_parts():
             raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
+        require_full_undo()
         with pause_rendered_views():
             fine = scenes.build_scene(built.scene, of, take_over=partial(read_build, Path(job.result["scene"])))
         look_through(views, fine)

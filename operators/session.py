@@ -70,6 +70,10 @@ class Session:
     #: The shading and the overlays of 3D Views before a mask was painted in them.
     before_painting: dict[int, tuple[str, bool]] = field(default_factory=dict)
     picture: FirstPicture = field(default_factory=FirstPicture)
+    changed_without_step: bool = False  # data-blocks were replaced since the last undo step
+    #: During an undo that reads all data-blocks: Blender's options for developers, *Undo Legacy*, and whether its
+    #: preferences had changed.
+    options_before_undo: tuple[bool, bool, bool] | None = None
 
     def reset(self) -> None:
         """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""

@@ -225,3 +225,27 @@ def test_the_fine_ground_follows_again_after_redo():
     assert bpy.ops.ed.undo() == bpy.ops.ed.redo() == {"FINISHED"}
     assert scenes.find_built(bpy.context.scene).preview
     assert is_as_built_at_once(look())
+
+
+@pytest.mark.long
+def test_undo_of_a_step_before_the_fine_ground_keeps_no_object_with_freed_data(watched):
+    """The step of the Sun has the coarse ground, and so has the one before: Blender would keep the objects, whose data
+    has been replaced meanwhile, and crash."""
+    bpy.context.preferences.edit.use_global_undo = True
+    choose(RIDGES)
+    for message in ("Choice", "Look"):  # Blender finds the same in two steps from the second one on
+        bpy.context.view_layer.update()
+        bpy.ops.ed.undo_push(message=message)
+    watched.icymoon.light.sun_elevation_deg = 33.0
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="Sun")
+    look()
+    before = bpy.context.preferences.experimental.use_undo_legacy
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    built = scenes.find_built(bpy.context.scene)
+    meshes = {mesh.as_pointer() for mesh in bpy.data.meshes}
+    assert {item.data.as_pointer() for item in built.collection.all_objects if item.type == "MESH"} <= meshes
+    assert built.preview
+    assert bpy.context.preferences.experimental.use_undo_legacy == before
+    assert settings().light.sun_elevation_deg != 33.0
+    assert is_as_built_at_once(look())
