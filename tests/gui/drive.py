@@ -1219,6 +1219,8 @@ def drag_an_asset() -> Waiting:
     browser.spaces.active.params.asset_library_reference = "Icy Moon"
     cube = bpy.data.objects.new("Asset Test", bpy.data.meshes["Cube"].copy())
     window().scene.collection.objects.link(cube)
+    if area().spaces.active.local_view is not None:
+        cube.local_view_set(area().spaces.active, True)
     cube.matrix_world = area().spaces.active.region_3d.view_matrix.inverted() @ Matrix.Translation((0, 0, -8))
     list_of_assets = next(each for each in browser.regions if each.type == "WINDOW")
     yield 20 * TICK_S  # it reads the library in the background
