@@ -1221,7 +1221,8 @@ def drag_an_asset() -> Waiting:
     window().scene.collection.objects.link(cube)
     if area().spaces.active.local_view is not None:
         cube.local_view_set(area().spaces.active, True)
-    cube.matrix_world = area().spaces.active.region_3d.view_matrix.inverted() @ Matrix.Translation((0, 0, -8))
+    near = Matrix.Translation((0, 0, -0.6)) @ Matrix.Scale(0.08, 4)  # before all ground
+    cube.matrix_world = area().spaces.active.region_3d.view_matrix.inverted() @ near
     list_of_assets = next(each for each in browser.regions if each.type == "WINDOW")
     yield 20 * TICK_S  # it reads the library in the background
     yield from screenshot("asset_browser")
