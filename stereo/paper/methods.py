@@ -10,7 +10,7 @@ from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from ..matchers.bm import PRESETS
 from ..matchers.methods import Method, parse_methods
-from .printed import TABLE_METHODS
+from .printed import PRINTED_METHODS, TABLE_METHODS
 
 #: Step of StereoBM's number of disparities, px, and its least window.
 _DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
@@ -45,9 +45,10 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
 def _describe_matcher(name: str, scale: float) -> str:
     """A matcher with the paper's options, as ``--methods`` takes it.
 
-    The paper does not print JPLV's options, so JPLV has ours; icynet is not in the paper.
+    The paper does not print JPLV's options, so JPLV has ours, and so has a method that the paper does not have.
     """
-    if name in ("jplv", "icynet") or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
+    is_printed = name != "jplv" and any(method.matcher == name for method in PRINTED_METHODS)
+    if not is_printed or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
         return name
     if scale == 1 or name == "igev":
         return f"{name}:preset=guiss"
