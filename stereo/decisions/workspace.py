@@ -93,7 +93,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
     grid = _make_grid_ahead(pair, seen_points, cell_m or DEFAULT_CELL_M)
     dem = make_dem(np.concatenate([seen_points, _find_points_of_right_eye(pair)]), grid, 1)
     rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
-    return _judge_truth(prepared, rules, dem, rocks, exact=False)
+    return _judge_truth(prepared, rules, dem, rocks, seen_points, exact=False)
 
 
 def make_workspace(prepared: PreparedPair, rules: Rules, grid: Grid, heights_m: Array) -> Workspace:
@@ -101,11 +101,16 @@ def make_workspace(prepared: PreparedPair, rules: Rules, grid: Grid, heights_m: 
     the ground without them. Raises IcyMoonError as ``open_workspace``.
     """
     dem = Dem(grid, heights_m[0], np.where(np.isfinite(heights_m[0]), 1, 0))
-    return _judge_truth(prepared, rules, dem, heights_m[0] - heights_m[1] > rules.site.rock_height_m, exact=True)
+    rocks = heights_m[0] - heights_m[1] > rules.site.rock_height_m
+    seen_points = _find_seen_points(prepared, *_find_place(prepared))
+    return _judge_truth(prepared, rules, dem, rocks, seen_points, exact=True)
 
 
-def _judge_truth(prepared: PreparedPair, rules: Rules, dem: Dem, rocks: Array, exact: bool) -> Workspace:
-    """The workspace with these true heights and cells (rows, columns) with a rock."""
+def _judge_truth(
+    prepared: PreparedPair, rules: Rules, dem: Dem, rocks: Array, seen_points: Array, exact: bool
+) -> Workspace:
+    """The workspace with these true heights, cells (rows, columns) with a rock, and points (n, 3), m, that the left
+    image shows."""
     pair, pose = _find_place(prepared)
     grid = dem.grid
     margin = _find_joint_margins(pair, pose, dem)
@@ -119,7 +124,7 @@ def _judge_truth(prepared: PreparedPair, rules: Rules, dem: Dem, rocks: Array, e
         pose,
         rules,
         exact,
-        make_dem(_find_seen_points(prepared, pair, pose), grid, 1).known,
+        make_dem(seen_points, grid, 1).known,
         inside,
         inside & (margin >= rules.site.joint_margin_deg),
         maps,
