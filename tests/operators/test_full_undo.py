@@ -59,3 +59,14 @@ def test_the_undo_of_a_mode_leaves_the_next_one_to_read_everything(scene):
     full_undo._begin()
     full_undo._end()
     assert not session.changed_without_step
+
+
+@pytest.mark.usefixtures("scene")
+def test_options_of_before_are_restored_also_after_an_undo_without_an_end():
+    preferences = bpy.context.preferences
+    before = preferences.view.show_developer_ui, preferences.experimental.use_undo_legacy
+    full_undo.require_full_undo()
+    full_undo._begin()
+    full_undo._begin()
+    full_undo._end()
+    assert (preferences.view.show_developer_ui, preferences.experimental.use_undo_legacy) == before
