@@ -64,6 +64,7 @@ PURE = (
     "stereo/twin",
     "stereo/learning",
     "stereo",
+    "stereo/design",
     "validation/polar",
     "validation",
     "commands",

@@ -17,45 +17,31 @@ import argparse
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import open_out_folder
-from icymoon.benchmarks.stereo.map_errors import find_top_heights
-from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.light.scene_sun import SceneSun
-from icymoon.rays.engine import open_tracer
-from icymoon.rays.shapes import World
-from icymoon.rays.stereo_truth import Eye
-from icymoon.render.pairs.pair_folder import Pair
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.decide import DECISIONS_VERSION
 from icymoon.stereo.decisions.calibration import Goal, calibrate_matchers, make_sentences
 from icymoon.stereo.decisions.calibration_file import Calibration
 from icymoon.stereo.decisions.calibration_pairs import StatedPair
-from icymoon.stereo.decisions.dem import Grid
 from icymoon.stereo.decisions.guarantee import apply_calibration, bound_share
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.safe_sites import RULE_NAMES, SAFE
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH, UNLIKE
-from icymoon.stereo.decisions.workspace import (
-    Workspace,
-    compare_with_truth,
-    count_map_errors,
-    decide_from_depth,
-    make_workspace,
-    measure_features,
+from icymoon.stereo.decisions.workspace import Workspace
+from icymoon.stereo.design.made_workspaces import (
+    decide,
+    draw_recipes,
+    name_pair,
+    open_made_workspace,
+    prepare_made_pair,
 )
 from icymoon.stereo.evaluate import list_method_inputs
 from icymoon.stereo.fusion.fuse import list_lidar_inputs
-from icymoon.stereo.images import colours
-from icymoon.stereo.images.develop import develop
-from icymoon.stereo.images.exr import Light
 from icymoon.stereo.inference.risk_control import bound_risk
 from icymoon.stereo.inference.scene_means import find_mean_intervals
 from icymoon.stereo.learning.grounds import (
@@ -64,16 +50,10 @@ from icymoon.stereo.learning.grounds import (
     Variety,
     build_ground,
     close_ground,
-    draw_recipe,
     make_split_generator,
 )
-from icymoon.stereo.learning.made_pairs import Faults, View, draw_light, render_eye, trace_truth
+from icymoon.stereo.learning.made_pairs import draw_light
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.measure.by_pixel_class import MATERIAL, measure_texture
-from icymoon.stereo.measure.prepare_pair import PreparedPair
-from icymoon.stereo.measure.row_metrics import disparity_to_depth
-from icymoon.stereo.measure.self_check import SelfCheck
-from icymoon.stereo.measure_pair import find_search_ranges, match_prepared
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -95,16 +75,11 @@ SETTINGS = merged(
         "workspace": {"cell_m": 0.02, "size_m": 1.2, "east_m": 0.3, "north_m": 1.6},
     },
 )
-CAMERA = StereoCamera.from_settings(SETTINGS.rig)
 RULES = read_rules()
 RAYS_PER_PIXEL = 2
 METHODS = "bm,sgbm,sgbm_wls,jplv,icynet,sgbm+lidar:points=300"
 CALIBRATION, TEST, LANDFORM = "calibration", "test", "landform"
-_NO_FAULTS = Faults(np.zeros(3), 0.0, 1.0)
-_NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
 _ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "cpu_s": NUMBER}
-#: The entries of ``sites`` that no table needs.
-_LEFT_OUT = ("roc",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,124 +95,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def draw_grounds(seed: int, grounds: int, tests: int, landforms: int) -> dict[str, list[Recipe]]:
     """The recipes of each kind of grounds. Those that calibrate and those that test come by turns."""
-    own = _draw_recipes(seed, "ground", 2 * max(grounds, tests))
+    own = draw_recipes(seed, "ground", 2 * max(grounds, tests), VARIETY)
     return {
         CALIBRATION: own[::2][:grounds],
         TEST: own[1::2][:tests],
-        LANDFORM: _draw_recipes(seed, "landform", landforms),
+        LANDFORM: draw_recipes(seed, "landform", landforms, VARIETY),
     }
 
 
-def _draw_recipes(seed: int, split: str, count: int) -> list[Recipe]:
-    found: list[Recipe] = []
-    number = 0
-    while len(found) < count:
-        recipe = draw_recipe(seed, split, number, VARIETY)
-        found += [recipe] if not recipe.shapes else []
-        number += 1
-    return found
-
-
-def name_pair(recipe: Recipe) -> str:
-    """The name of the pair of a ground."""
-    return f"{recipe.split}-{recipe.seed}-{recipe.number}"
-
-
-def look(ground: Ground, random: np.random.Generator) -> View:
-    """The view of a lander that stands on the ground and looks north."""
-    axes = camera_axes(SETTINGS.rig.heading_deg, SETTINGS.rig.pitch_deg)
-    position = np.array([*ground.recipe.place_m, ground.height_m + SETTINGS.rig.height_m])
-    left, right = (
-        Eye(
-            CAMERA.width_px,
-            CAMERA.height_px,
-            CAMERA.focal_px,
-            CAMERA.cx_px,
-            CAMERA.cy_px,
-            axes,
-            position + aside * axes[:, 0],
-        )
-        for aside in (0.0, CAMERA.baseline_m)
-    )
-    light = draw_light(ground.recipe.split, random, VARIETY)
-    return View(left, right, right, CAMERA.baseline_m, light, _NO_FAULTS)
-
-
-def state_pair(recipe: Recipe, view: View) -> Pair:
-    """The pair as a worker states it, as far as decisions read it."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = view.left.axes, view.left.position
-    sun = SceneSun(view.light.sun, view.light.irradiance_wm2, 2 * float(np.degrees(view.light.sun_radius_rad)))
-    data = {
-        "poses_rectified_to_world": {"left": pose.tolist()},
-        "light": {"sun": sun.to_json()},
-        "edited_by_hand": True,  # the settings do not describe the ground
-    }
-    name = name_pair(recipe)
-    return Pair(Path(name), name, SETTINGS, CAMERA, data)
-
-
-def prepare(ground: Ground) -> PreparedPair:
-    """The pair of a ground: its images by the sensor of the settings, and its truth."""
+def make_workspace_of_ground(ground: Ground) -> Workspace:
+    """The workspace of the pair of a ground."""
     recipe = ground.recipe
     random = make_split_generator(recipe.seed, recipe.split, recipe.number, 4)
-    view = look(ground, random)
-    pair = state_pair(recipe, view)
-    depth, hidden = trace_truth(ground, view)
-    light = (render_eye(ground, view.light, eye, RAYS_PER_PIXEL, random) for eye in (view.left, view.right))
-    left_light, right_light = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in light)
-    images = develop(pair, left_light, right_light, SETTINGS)
-    left, right = images.for_matchers()
-    truth = np.where(np.isfinite(depth), depth, np.nan)
-    in_both = np.arange(CAMERA.width_px) + 0.5 >= CAMERA.disparity(truth)
-    return PreparedPair(
-        pair,
-        left,
-        right,
-        truth,
-        in_both & ~hidden,
-        measure_texture(left),
-        {MATERIAL.key: np.zeros(truth.shape, np.int8)},
-        _NO_SELF_CHECK,
-        colours.make_depth_scale(truth),
-        {"settings": SETTINGS},
-        images=images,
-    )
-
-
-def open_made_workspace(ground: Ground, prepared: PreparedPair) -> Workspace:
-    """The workspace of a pair, with exact heights by rays from above."""
-    asked, (east, north) = SETTINGS.workspace, ground.recipe.place_m
-    side = round(asked.size_m / asked.cell_m)
-    half = asked.size_m / 2
-    grid = Grid(asked.cell_m, side, side, east + asked.east_m - half, north + asked.north_m + half)
-    bare = open_tracer(World(ground.world.placed[:1]))  # the ground itself, without rocks
-    try:
-        heights = [find_top_heights(each, grid) for each in (ground, replace(ground, tracer=bare))]
-    finally:
-        bare.close()
-    return make_workspace(prepared, RULES, grid, np.stack(heights))
-
-
-def decide(workspace: Workspace, method: Method | None) -> dict[str, Any]:
-    """The numbers of a method, or of the true depth without one, as in a row of ``icymoon decide``; ``fails`` is the
-    rule that the chosen site fails first in truth.
-    """
-    prepared = workspace.prepared
-    depth = prepared.truth
-    if method is not None:
-        shared = np.where(prepared.visible, CAMERA.disparity(prepared.truth), np.nan)
-        disparity, _ = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
-        depth = disparity_to_depth(prepared, disparity)
-    found = decide_from_depth(workspace, depth)
-    sites = compare_with_truth(workspace, found)["sites"]
-    code = SAFE if sites["chosen"] is None else workspace.truth.sites.failed[tuple(sites["chosen"])]
-    return {
-        "sites": {key: value for key, value in sites.items() if key not in _LEFT_OUT},
-        "fails": None if code == SAFE else RULE_NAMES[code - 1],
-        "features": measure_features(workspace, found),
-        "errors": count_map_errors(workspace, found),
-    }
+    light = draw_light(recipe.split, random, VARIETY)
+    return open_made_workspace(ground, prepare_made_pair(ground, SETTINGS, light, RAYS_PER_PIXEL, random), RULES)
 
 
 def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Row]:
@@ -254,7 +125,7 @@ def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Ro
         start = time.process_time()
         ground = build_ground(recipe)
         try:
-            workspace = open_made_workspace(ground, prepare(ground))
+            workspace = make_workspace_of_ground(ground)
         finally:
             close_ground(ground)
         for label in (label for label, row in rows.items() if row is None):

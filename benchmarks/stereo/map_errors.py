@@ -21,6 +21,7 @@ from icymoon.stereo.decisions.footprints import average_under_footprint
 from icymoon.stereo.decisions.height_errors import QUANTITIES, check_scale, count_errors, fit_scales, state_shape
 from icymoon.stereo.decisions.rules import Rules, SiteRules, read_rules
 from icymoon.stereo.decisions.safe_sites import SiteLayers, measure_layers
+from icymoon.stereo.design.made_workspaces import find_top_heights
 from icymoon.stereo.learning.grounds import Ground, build_ground, close_ground, draw_recipe, make_split_generator
 from icymoon.stereo.learning.made_pairs import CROPS_PER_GROUND, MadePairs, draw_view
 from icymoon.stereo.matchers import match
@@ -30,8 +31,8 @@ from icymoon.support.arrays import Array
 SIZE_PX = (320, 240)
 #: Cells along a side, cells of a footprint, pixels of a cell at the middle of the near ground, and least disparity, px.
 CELLS, FOOTPRINT_CELLS, CELL_PX, LEAST_PX = 60, 8, 6, 2.0
-#: Share of the ground, the nearest, around whose middle the cells are, and height from which the truth is looked up, m.
-NEAR_SHARE, ABOVE_M = 0.6, 30.0
+#: Share of the ground, the nearest, around whose middle the cells are.
+NEAR_SHARE = 0.6
 RULES = read_rules()
 
 
@@ -40,18 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pairs", type=int, default=2, help="pairs of each ground")
     parser.add_argument("--seed", type=int, default=0, help="seed of the grounds")
     parser.add_argument("--methods", default="bm,sgbm,jplv", help="matchers")
-
-
-def find_top_heights(ground: Ground, grid: Grid) -> Array:
-    """The mean height (rows, columns), m, of the top at 3 x 3 places of each cell."""
-    x, y = (each.ravel() for each in grid.centres())
-    total = np.zeros(x.size)
-    for east in (-1, 0, 1):
-        for north in (-1, 0, 1):
-            start = np.stack([x + east * grid.cell_m / 3, y + north * grid.cell_m / 3, np.full(x.size, ABOVE_M)], 1)
-            down = np.tile([0.0, 0.0, -1.0], (x.size, 1))
-            total += ABOVE_M - ground.tracer.intersect(start, down, 0.0, 1e3).along
-    return (total / 9).reshape(grid.rows, grid.columns)
 
 
 def place_cells(position: Array, depth: Array, focal_px: float) -> Grid:

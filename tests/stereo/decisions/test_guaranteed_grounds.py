@@ -80,7 +80,7 @@ def test_the_true_depth_agrees_with_the_exact_heights():
     """A shift by a cell of 2 cm would change heights by 2 mm and more on slopes of 6 degrees and more."""
     ground = build_ground(study.draw_grounds(0, 2, 0, 0)[study.CALIBRATION][1])
     try:
-        workspace = study.open_made_workspace(ground, study.prepare(ground))
+        workspace = study.make_workspace_of_ground(ground)
     finally:
         close_ground(ground)
     off = decide_from_depth(workspace, workspace.prepared.truth).dem.height_m - workspace.truth.dem.height_m

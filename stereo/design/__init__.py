@@ -1,0 +1,1 @@
+"""What a suite of sensors decides on grounds by rays, and what it costs."""

@@ -1,0 +1,188 @@
+"""Workspaces of a lander on grounds by rays: its images, its truth, and the decisions of the functions of ``decide``.
+
+The complete settings of a lander give its camera, its sensor and its workspace. It stands at a ground's standing place.
+There is no arm, so every cell is in reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.light.directions import camera_axes
+from ...physics.light.scene_sun import SceneSun
+from ...rays.engine import open_tracer
+from ...rays.shapes import World
+from ...rays.stereo_truth import Eye
+from ...render.pairs.pair_folder import Pair
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from ..decisions.dem import Grid
+from ..decisions.rules import Rules
+from ..decisions.safe_sites import RULE_NAMES, SAFE
+from ..decisions.workspace import (
+    DecisionMaps,
+    Workspace,
+    compare_with_truth,
+    count_map_errors,
+    decide_from_depth,
+    make_workspace,
+    measure_features,
+)
+from ..images import colours
+from ..images.develop import develop
+from ..images.exr import Light
+from ..learning.grounds import FULL, Ground, Recipe, Variety, draw_recipe
+from ..learning.made_pairs import Faults, View, render_eye, trace_truth
+from ..learning.radiance import Lighting
+from ..matchers.methods import Method
+from ..measure.by_pixel_class import MATERIAL, measure_texture
+from ..measure.prepare_pair import PreparedPair
+from ..measure.row_metrics import disparity_to_depth
+from ..measure.self_check import SelfCheck
+from ..measure_pair import find_search_ranges, match_prepared
+
+#: Height from which true heights are looked up, m.
+_ABOVE_M = 30.0
+_NO_FAULTS = Faults(np.zeros(3), 0.0, 1.0)
+_NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
+#: The entries of ``sites`` that no table needs.
+_LEFT_OUT = ("roc",)
+
+
+def draw_recipes(seed: int, split: str, count: int, variety: Variety = FULL) -> list[Recipe]:
+    """The recipes of the first grounds of a split that have no hanging shapes."""
+    found: list[Recipe] = []
+    number = 0
+    while len(found) < count:
+        recipe = draw_recipe(seed, split, number, variety)
+        found += [recipe] if not recipe.shapes else []
+        number += 1
+    return found
+
+
+def name_pair(recipe: Recipe) -> str:
+    """The name of the pair of a ground."""
+    return f"{recipe.split}-{recipe.seed}-{recipe.number}"
+
+
+def look(ground: Ground, lander: Settings, light: Lighting) -> View:
+    """The view of a lander that stands on the ground."""
+    rig, camera = lander.rig, StereoCamera.from_settings(lander.rig)
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg)
+    position = np.array([*ground.recipe.place_m, ground.height_m + rig.height_m])
+    left, right = (
+        Eye(
+            camera.width_px,
+            camera.height_px,
+            camera.focal_px,
+            camera.cx_px,
+            camera.cy_px,
+            axes,
+            position + aside * axes[:, 0],
+        )
+        for aside in (0.0, camera.baseline_m)
+    )
+    return View(left, right, right, camera.baseline_m, light, _NO_FAULTS)
+
+
+def state_pair(recipe: Recipe, lander: Settings, view: View) -> Pair:
+    """The pair as a worker states it, as far as decisions read it."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = view.left.axes, view.left.position
+    sun = SceneSun(view.light.sun, view.light.irradiance_wm2, 2 * float(np.degrees(view.light.sun_radius_rad)))
+    data = {
+        "poses_rectified_to_world": {"left": pose.tolist()},
+        "light": {"sun": sun.to_json()},
+        "edited_by_hand": True,  # the settings do not describe the ground
+    }
+    name = name_pair(recipe)
+    return Pair(Path(name), name, lander, StereoCamera.from_settings(lander.rig), data)
+
+
+def prepare_made_pair(
+    ground: Ground, lander: Settings, light: Lighting, rays_per_pixel: int, random: np.random.Generator
+) -> PreparedPair:
+    """The pair of a ground: its images by the sensor of the settings, and its truth. ``random`` draws the noise of the
+    rays; the sensor's follows from the settings.
+    """
+    view = look(ground, lander, light)
+    pair = state_pair(ground.recipe, lander, view)
+    depth, hidden = trace_truth(ground, view)
+    radiance = (render_eye(ground, light, eye, rays_per_pixel, random) for eye in (view.left, view.right))
+    left_light, right_light = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in radiance)
+    images = develop(pair, left_light, right_light, lander)
+    left, right = images.for_matchers()
+    truth = np.where(np.isfinite(depth), depth, np.nan)
+    in_both = np.arange(pair.camera.width_px) + 0.5 >= pair.camera.disparity(truth)
+    return PreparedPair(
+        pair,
+        left,
+        right,
+        truth,
+        in_both & ~hidden,
+        measure_texture(left),
+        {MATERIAL.key: np.zeros(truth.shape, np.int8)},
+        _NO_SELF_CHECK,
+        colours.make_depth_scale(truth),
+        {"settings": lander},
+        images=images,
+    )
+
+
+def find_top_heights(ground: Ground, grid: Grid) -> Array:
+    """The mean height (rows, columns), m, of the top at 3 x 3 places of each cell."""
+    x, y = (each.ravel() for each in grid.centres())
+    total = np.zeros(x.size)
+    for east in (-1, 0, 1):
+        for north in (-1, 0, 1):
+            start = np.stack([x + east * grid.cell_m / 3, y + north * grid.cell_m / 3, np.full(x.size, _ABOVE_M)], 1)
+            down = np.tile([0.0, 0.0, -1.0], (x.size, 1))
+            total += _ABOVE_M - ground.tracer.intersect(start, down, 0.0, 1e3).along
+    return (total / 9).reshape(grid.rows, grid.columns)
+
+
+def open_made_workspace(ground: Ground, prepared: PreparedPair, rules: Rules) -> Workspace:
+    """The workspace of a pair, with exact heights by rays from above."""
+    asked, (east, north) = prepared.facts["settings"].workspace, ground.recipe.place_m
+    side = round(asked.size_m / asked.cell_m)
+    half = asked.size_m / 2
+    grid = Grid(asked.cell_m, side, side, east + asked.east_m - half, north + asked.north_m + half)
+    bare = open_tracer(World(ground.world.placed[:1]))  # the ground itself, without rocks
+    try:
+        heights = [find_top_heights(each, grid) for each in (ground, replace(ground, tracer=bare))]
+    finally:
+        bare.close()
+    return make_workspace(prepared, rules, grid, np.stack(heights))
+
+
+def match_depth(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
+    """The planar depth (H, W) by a method, m, NaN where unknown, and the processor seconds that it took."""
+    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
+    disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
+    return disparity_to_depth(prepared, disparity), float(info["seconds"])
+
+
+def summarise_decisions(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:
+    """The numbers of decisions, as in a row of ``icymoon decide``; ``fails`` is the rule that the chosen site fails
+    first in truth.
+    """
+    sites = compare_with_truth(workspace, found)["sites"]
+    code = SAFE if sites["chosen"] is None else workspace.truth.sites.failed[tuple(sites["chosen"])]
+    return {
+        "sites": {key: value for key, value in sites.items() if key not in _LEFT_OUT},
+        "fails": None if code == SAFE else RULE_NAMES[code - 1],
+        "features": measure_features(workspace, found),
+        "errors": count_map_errors(workspace, found),
+    }
+
+
+def decide(workspace: Workspace, method: Method | None) -> dict[str, Any]:
+    """The numbers of a method, or of the true depth without one, see ``summarise_decisions``."""
+    prepared = workspace.prepared
+    depth = prepared.truth if method is None else match_depth(prepared, method)[0]
+    return summarise_decisions(workspace, decide_from_depth(workspace, depth))
