@@ -23,13 +23,13 @@ from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
+from .fusion.match_prepared import find_search_ranges, match_prepared
 from .images.develop import develop
 from .matchers.methods import Method
 from .matchers.search_range import SearchRange
 from .measure.metrics import is_usable
 from .measure.prepare_pair import LoadedPair, PreparedPair, list_distinct_pairs, load_pair, prepare_loaded
 from .measure.row_metrics import disparity_to_depth
-from .measure_pair import find_search_ranges, match_prepared
 from .report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, add_legend, make_figure
 from .report.sweep_charts import ON_WHITE
 

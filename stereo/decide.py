@@ -46,16 +46,15 @@ from .decisions.workspace import (
     read_sun_direction,
     state_map_errors,
 )
-from .evaluate import list_method_inputs
 from .evaluated_pairs import RenderedPair, Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .fusion.fuse import list_lidar_inputs
+from .fusion.match_prepared import find_search_ranges, list_method_inputs, match_prepared
 from .images.image_files import write_png
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
-from .measure_pair import find_search_ranges, match_prepared
 from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]

@@ -8,7 +8,6 @@ pair at a time is in memory; of the others only the numbers for averages are kep
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,12 +17,10 @@ from ..support.errors import IcyMoonError
 from ..support.files import make_json_digest, read_checksum
 from ..support.version import version
 from .datasets.predictions import PREDICTION, find_confidence, find_prediction, parse_predictions
-from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .fusion.fuse import list_lidar_inputs
-from .matchers import describe_plugin_release, list_option_files
-from .matchers.lidar_options import LIDAR
+from .fusion.match_prepared import list_method_inputs
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.confidence_metrics import OWN
@@ -269,33 +266,6 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """The facts of a pair from an earlier run, if its content is the same and its pictures exist."""
     facts = find_facts(out, pair)
     return facts if facts and facts["key"] == content and has_named_files(facts, out, pair) else None
-
-
-def list_method_inputs(method: Method) -> list[Any]:
-    """Everything besides the images that determines a method's disparity: its options, the files that they name, and
-    versions.
-    """
-    files = {
-        key: read_checksum(Path(value))
-        for key, value in method.options.items()
-        if isinstance(value, str) and os.path.isfile(value)
-    }
-    if method.name not in (PREDICTION, LIDAR):
-        files |= {
-            text: read_checksum(Path(text))
-            for text in list_option_files(method.name, method.options)
-            if os.path.isfile(text)
-        }
-    versions = packages.find_versions()
-    # A plug-in has a version of its own; our methods have the version of Icy Moon.
-    release = describe_plugin_release(method.name)
-    return [
-        method.name,
-        method.options,
-        files,
-        {name: versions[name] for name in ("numpy", "cv2", "torch")},
-        *([release] if release else []),
-    ]
 
 
 def _describe_source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -15,11 +15,11 @@ import numpy as np
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .evaluated_pairs import Source
+from .fusion.match_prepared import find_search_ranges, match_prepared
 from .matchers.lidar_options import LIDAR, complete_lidar_options
 from .matchers.methods import Method
 from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
-from .measure_pair import find_search_ranges, match_prepared
 from .report.row_log import Row
 
 #: The metrics of a curve, by their columns in the table.

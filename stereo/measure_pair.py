@@ -11,21 +11,19 @@ from typing import Any
 import numpy as np
 
 from ..formats.map_frame import MapFrame
-from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.files import write_json
-from .datasets.foreign_pair import PhotographedPair
-from .datasets.predictions import PREDICTION, read_prediction
+from .datasets.predictions import PREDICTION
 from .evaluated_pairs import Source
 from .evaluation_files import write_method_pictures, write_pair_pictures
 from .export.points import add_points, find_left_pose
-from .fusion.fuse import match_method
+from .fusion.match_prepared import find_search_ranges, match_prepared
 from .images.disparity_files import read_disparity
 from .map_results import find_map_frame, name_maps, write_maps
 from .matchers.black_box_confidence import RUNS, compute_black_box_confidence
 from .matchers.methods import Method, describe_method
-from .matchers.search_range import AUTO, SearchRange, find_known_ranges
+from .matchers.search_range import SearchRange
 from .measure.common_pixels import measure_common_pixels
 from .measure.confidence_metrics import MEASURES, OWN
 from .measure.prepare_pair import PreparedPair
@@ -216,30 +214,6 @@ def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) ->
     """Whether a row has the requested maps; true without a request."""
     wanted = {} if cell_m is None else name_maps(method, cell_m)
     return all(kind in images and Path(images[kind]).name == name for kind, name in wanted.items())
-
-
-def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:
-    """The search ranges that options may name; ``shared`` are the true disparities of points that both eyes see."""
-    pair = prepared.pair
-    if isinstance(pair, Pair):
-        return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
-    ranges = find_known_ranges(None, shared)
-    if isinstance(pair, PhotographedPair):
-        ranges[AUTO] = pair.search_range
-    return ranges
-
-
-def match_prepared(
-    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
-) -> tuple[Array, dict[str, Any]]:
-    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``.
-
-    ``ranges`` finds the search ranges, which may make the ground of the pair; a prediction needs none.
-    """
-    if method.name == PREDICTION:
-        return read_prediction(method, prepared)
-    camera, pair = prepared.depth_camera, prepared.pair
-    return match_method(method, prepared.left, prepared.right, camera, ranges(), pair, prepared.truth)
 
 
 def _read_stored_disparity(row: Row | None, prepared: PreparedPair, out: Path) -> Array | None:

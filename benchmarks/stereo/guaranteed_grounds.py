@@ -40,8 +40,8 @@ from icymoon.stereo.design.made_workspaces import (
     open_made_workspace,
     prepare_made_pair,
 )
-from icymoon.stereo.evaluate import list_method_inputs
 from icymoon.stereo.fusion.fuse import list_lidar_inputs
+from icymoon.stereo.fusion.match_prepared import list_method_inputs
 from icymoon.stereo.inference.risk_control import bound_risk
 from icymoon.stereo.inference.scene_means import find_mean_intervals
 from icymoon.stereo.learning.grounds import (

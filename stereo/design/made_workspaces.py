@@ -33,6 +33,7 @@ from ..decisions.workspace import (
     make_workspace,
     measure_features,
 )
+from ..fusion.match_prepared import find_search_ranges, match_prepared
 from ..images import colours
 from ..images.develop import develop
 from ..images.exr import Light
@@ -44,7 +45,6 @@ from ..measure.by_pixel_class import MATERIAL, measure_texture
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 from ..measure.self_check import SelfCheck
-from ..measure_pair import find_search_ranges, match_prepared
 
 #: Height from which true heights are looked up, m.
 _ABOVE_M = 30.0

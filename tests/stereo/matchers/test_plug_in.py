@@ -148,7 +148,7 @@ def test_check_reports_them_for_the_window(add, capsys):
 
 def test_a_row_is_computed_again_when_the_source_has_changed(add, tmp_path):
     """Its version need not: who writes a matcher changes it many times."""
-    from icymoon.stereo.evaluate import list_method_inputs
+    from icymoon.stereo.fusion.match_prepared import list_method_inputs
 
     add("twelve", MATCHER)
     (method,) = parse_methods("twelve")

@@ -1,0 +1,72 @@
+"""Run a method on a prepared pair, and list what its result depends on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ...render.pairs.pair_folder import Pair
+from ...support.arrays import Array
+from ...support.files import read_checksum
+from ..datasets.foreign_pair import PhotographedPair
+from ..datasets.predictions import PREDICTION, read_prediction
+from ..environment import packages
+from ..matchers import describe_plugin_release, list_option_files
+from ..matchers.lidar_options import LIDAR
+from ..matchers.methods import Method
+from ..matchers.search_range import AUTO, SearchRange, find_known_ranges
+from ..measure.prepare_pair import PreparedPair
+from .fuse import match_method
+
+
+def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:
+    """The search ranges that options may name; ``shared`` are the true disparities of points that both eyes see."""
+    pair = prepared.pair
+    if isinstance(pair, Pair):
+        return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
+    ranges = find_known_ranges(None, shared)
+    if isinstance(pair, PhotographedPair):
+        ranges[AUTO] = pair.search_range
+    return ranges
+
+
+def match_prepared(
+    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
+) -> tuple[Array, dict[str, Any]]:
+    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``.
+
+    ``ranges`` finds the search ranges, which may make the ground of the pair; a prediction needs none.
+    """
+    if method.name == PREDICTION:
+        return read_prediction(method, prepared)
+    camera, pair = prepared.depth_camera, prepared.pair
+    return match_method(method, prepared.left, prepared.right, camera, ranges(), pair, prepared.truth)
+
+
+def list_method_inputs(method: Method) -> list[Any]:
+    """Everything besides the images that determines a method's disparity: its options, the files that they name, and
+    versions.
+    """
+    files = {
+        key: read_checksum(Path(value))
+        for key, value in method.options.items()
+        if isinstance(value, str) and os.path.isfile(value)
+    }
+    if method.name not in (PREDICTION, LIDAR):
+        files |= {
+            text: read_checksum(Path(text))
+            for text in list_option_files(method.name, method.options)
+            if os.path.isfile(text)
+        }
+    versions = packages.find_versions()
+    # A plug-in has a version of its own; our methods have the version of Icy Moon.
+    release = describe_plugin_release(method.name)
+    return [
+        method.name,
+        method.options,
+        files,
+        {name: versions[name] for name in ("numpy", "cv2", "torch")},
+        *([release] if release else []),
+    ]
