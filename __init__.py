@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .library.evaluation import Evaluation, evaluate
     from .library.ground import export_ground
+    from .library.landed_day import open_landed_day
     from .library.rendered_pair import RenderedEye, RenderedPair, open_pair, open_pairs
     from .library.renderers import InProcess, Worker
     from .library.scene import Scene
@@ -34,6 +35,7 @@ _NAMES = {
     "Worker": "library.renderers",
     "evaluate": "library.evaluation",
     "export_ground": "library.ground",
+    "open_landed_day": "library.landed_day",
     "open_pair": "library.rendered_pair",
     "open_pairs": "library.rendered_pair",
     "preset_names": "settings.preset_files",
@@ -53,6 +55,7 @@ __all__ = [
     "Worker",
     "evaluate",
     "export_ground",
+    "open_landed_day",
     "open_pair",
     "open_pairs",
     "preset_names",

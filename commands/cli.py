@@ -28,6 +28,7 @@ STEREO_VERBS = (
     "export",
     "develop",
     "train",
+    "days",
     "poses",
 )
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.

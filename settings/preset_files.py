@@ -64,6 +64,11 @@ def load_preset(name: str) -> Settings:
     return load(find_preset(name))
 
 
+def load_named(name: str) -> Settings:
+    """The partial description of a shipped preset, or of a file whose name ends with .toml."""
+    return load(Path(name)) if name.endswith(".toml") else load_preset(name)
+
+
 def _load_included(name: str, path: Path) -> Settings:
     """The shipped preset that the file at ``path`` includes."""
     if name.endswith(".toml") and name.removesuffix(".toml") not in preset_names():

@@ -28,6 +28,7 @@ from ..support.terminal import (
     show_progress,
     tell_events,
 )
+from .days_command import add_days_options, run_days_command
 from .environment import packages
 from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins, list_options, list_packages
 from .train_command import add_train_options, run_train
@@ -930,6 +931,11 @@ _COMMAND_BY_VERB: dict[
     "export": ("write pairs and their truth in another layout", _add_export_arguments, _run_export),
     "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop_arguments, _run_develop),
     "train": ("train a stereo network, and go on where it stopped", add_train_options, run_train),
+    "days": (
+        "let a lander look, choose, dig and verify on grounds by rays, one day after another",
+        add_days_options,
+        run_days_command,
+    ),
     "poses": ("write the poses of a bag of ROS as a trajectory that plans follow", _add_poses_arguments, _run_poses),
 }
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..settings.description import defaults, merged
-from ..settings.preset_files import load, load_preset
+from ..settings.preset_files import load_named
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from .learning.grounds import Variety
@@ -52,17 +52,19 @@ def _open_source(name: str, crop_px: tuple[int, int], seed: int) -> GroundSource
     if name == MADE:
         return MadePairs("train", seed, crop_px)
     if name.startswith(_MADE_OF):
-        return MadePairs("train", seed, crop_px, Variety(own=_read_ground(name.removeprefix(_MADE_OF))))
+        own = read_ground(name.removeprefix(_MADE_OF), f"--data {_MADE_OF}")
+        return MadePairs("train", seed, crop_px, Variety(own=own))
     return PairsOfDataSet(Path(name), crop_px, seed)
 
 
-def _read_ground(name: str) -> Settings:
-    """The complete settings of a preset or a file of settings, of ground that rays can make."""
-    stated = load(Path(name)) if name.endswith(".toml") else load_preset(name)
-    settings = merged(defaults(), stated)
+def read_ground(name: str, option: str) -> Settings:
+    """The complete settings of a preset or a file of settings. ``option`` is what names it on a command line. Raises
+    IcyMoonError for ground that rays cannot make.
+    """
+    settings = merged(defaults(), load_named(name))
     if settings.source.kind != "PROCEDURAL":
         raise IcyMoonError(
-            f"{_MADE_OF}{name}: source.kind is {settings.source.kind}, and pairs made by rays have procedural ground "
-            "only; render pairs of it with icymoon batch, and give --data their folder."
+            f"{option}{name}: source.kind is {settings.source.kind}, and pairs made by rays have procedural ground "
+            "only; set it to PROCEDURAL, or render pairs of this ground with icymoon batch."
         )
     return settings

@@ -64,6 +64,7 @@ PURE = (
     "stereo/twin",
     "stereo/learning",
     "stereo/design",
+    "stereo/landed_day",
     "stereo",
     "validation/polar",
     "validation",

@@ -3,10 +3,10 @@
     python benchmarks guaranteed_grounds --out FOLDER
 
 Each ground has one pair. Some grounds calibrate, others of the same terrains test, and held-out landforms test again.
-icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, see ``TERRAINS``, and the
-Sun stands at 16 to 65 degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the
-workspace are the same in all pairs, see ``SETTINGS``. The rest is done by the functions of ``icymoon decide``: search
-ranges, cells, gaps, rules and light. There is no arm, so every cell is in reach.
+icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, and the Sun stands at 16 to
+65 degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the workspace are the same
+in all pairs, see ``default_lander``. The rest is done by the functions of ``icymoon decide``: search ranges, cells,
+gaps, rules and light. There is no arm, so every cell is in reach.
 
 With ``--out`` a second start makes only the rows that are missing.
 """
@@ -22,8 +22,6 @@ from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import open_out_folder
-from icymoon.settings.description import defaults, merged
-from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.decide import DECISIONS_VERSION
 from icymoon.stereo.decisions.calibration import Goal, calibrate_matchers, make_sentences
 from icymoon.stereo.decisions.calibration_file import Calibration
@@ -33,6 +31,7 @@ from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH, UNLIKE
 from icymoon.stereo.decisions.workspace import Workspace
+from icymoon.stereo.design.default_lander import GENTLE_TERRAINS, LANDER, RAYS_PER_PIXEL
 from icymoon.stereo.design.made_workspaces import (
     decide,
     draw_recipes,
@@ -62,21 +61,8 @@ from icymoon.support.files import make_json_digest
 from icymoon.support.version import version
 
 Row = dict[str, Any]
-#: The terrains of training on which most workspaces with few rocks or none have a safe site: chosen by the truth alone,
-#: on other grounds.
-TERRAINS = ("europa_ridged_plain", "low_1", "low_2", "low_3", "smooth", "sublimation_pits")
-VARIETY = Variety(TERRAINS, suns_deg=(16.0, 65.0))
-#: The camera of the plan ``datasets/workspaces``, and a workspace to its right: without knowledge of the relief, block
-#: matchers search up to some 110 px, and measure nothing in as many columns at the left.
-SETTINGS = merged(
-    merged(merged(defaults(), load_preset("rigs/guiss")), load_preset("sensors/default")),
-    {
-        "rig": {"focal_length_mm": 64.0, "width_px": 320, "height_px": 240},
-        "workspace": {"cell_m": 0.02, "size_m": 1.2, "east_m": 0.3, "north_m": 1.6},
-    },
-)
+VARIETY = Variety(GENTLE_TERRAINS, suns_deg=(16.0, 65.0))
 RULES = read_rules()
-RAYS_PER_PIXEL = 2
 METHODS = "bm,sgbm,sgbm_wls,jplv,icynet,sgbm+lidar:points=300"
 CALIBRATION, TEST, LANDFORM = "calibration", "test", "landform"
 _ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "cpu_s": NUMBER}
@@ -108,7 +94,7 @@ def make_workspace_of_ground(ground: Ground) -> Workspace:
     recipe = ground.recipe
     random = make_split_generator(recipe.seed, recipe.split, recipe.number, 4)
     light = draw_light(recipe.split, random, VARIETY)
-    return open_made_workspace(ground, prepare_made_pair(ground, SETTINGS, light, RAYS_PER_PIXEL, random), RULES)
+    return open_made_workspace(ground, prepare_made_pair(ground, LANDER, light, RAYS_PER_PIXEL, random), RULES)
 
 
 def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Row]:

@@ -23,6 +23,7 @@ ORDER = (
     "Worker",
     "InProcess",
     "export_ground",
+    "open_landed_day",
     "preset_names",
     "torch",
     "IcyMoonError",

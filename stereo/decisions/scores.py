@@ -54,7 +54,7 @@ def score_sites(
         "recall": _divide_or_none(both, safe.sum()),
         "false_safe": _divide_or_none(taken.sum() - both, taken.sum()),
         "safe_lost": _divide_or_none(safe.sum() - both, safe.sum()),
-        "dangerous": _divide_or_none((taken & ~_is_within(truth.margin[among], tolerance)).sum(), taken.sum()),
+        "dangerous": _divide_or_none((taken & ~is_within_tolerance(truth.margin[among], tolerance)).sum(), taken.sum()),
         "lost_by": _count_lost_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
     }
     result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance, offered)
@@ -84,7 +84,7 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
     }
 
 
-def _is_within(margin: Array, tolerance: float) -> Array:
+def is_within_tolerance(margin: Array, tolerance: float) -> Array:
     """Whether margins are at least minus the tolerance, but for rounding."""
     return np.asarray(margin >= -tolerance - _ROUNDING)
 
@@ -114,7 +114,7 @@ def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float, of
         scored["regret"] = 1.0 if unsafe else float(truth.margin[best] - margin)
     return scored | {
         "unsafe_choice": float(unsafe),
-        "dangerous_choice": float(unsafe and not _is_within(truth.margin[place], tolerance)),
+        "dangerous_choice": float(unsafe and not is_within_tolerance(truth.margin[place], tolerance)),
         "chosen_margin": float(found.margin[place]),
         "chosen_true_margin": margin if np.isfinite(margin) else None,
     }

@@ -1,1 +1,1 @@
-"""What a suite of sensors decides on grounds by rays, and what it costs."""
+"""Suites of sensors on grounds by rays: their decisions and costs."""

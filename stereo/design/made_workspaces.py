@@ -160,11 +160,17 @@ def open_made_workspace(ground: Ground, prepared: PreparedPair, rules: Rules) ->
     return make_workspace(prepared, rules, grid, np.stack(heights))
 
 
-def match_depth(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
-    """The planar depth (H, W) by a method, m, NaN where unknown, and the processor seconds that it took."""
+def match_disparity(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
+    """The disparity (H, W) by a method, px, NaN where unknown, and the processor seconds that it took."""
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
     disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
-    return disparity_to_depth(prepared, disparity), float(info["seconds"])
+    return disparity, float(info["seconds"])
+
+
+def match_depth(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
+    """The planar depth (H, W) by a method, m, NaN where unknown, and the processor seconds that it took."""
+    disparity, seconds = match_disparity(prepared, method)
+    return disparity_to_depth(prepared, disparity), seconds
 
 
 def summarise_decisions(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def list_method_inputs(method: Method) -> list[Any]:
             if os.path.isfile(text)
         }
     versions = packages.find_versions()
-    # A plug-in has a version of its own; our methods have the version of Icy Moon.
+    # A plug-in states its version; our methods have the version of Icy Moon.
     release = describe_plugin_release(method.name)
     return [
         method.name,

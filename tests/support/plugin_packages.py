@@ -98,8 +98,9 @@ def install_project(project: Path, site: Path) -> dict[str, str]:
 
 
 def examples() -> list[Path]:
-    """The folders of the packages that the manual shows."""
-    return sorted(path.parent for path in (ROOT / "docs" / "examples").glob("*/pyproject.toml"))
+    """The folders of the plug-ins that the manual shows; other examples add nothing to Icy Moon."""
+    projects = (ROOT / "docs" / "examples").glob("*/pyproject.toml")
+    return sorted(path.parent for path in projects if "entry-points" in path.read_text(encoding="utf-8"))
 
 
 def write_from_page(page: str, folder: Path) -> list[Path]:

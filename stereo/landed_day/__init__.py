@@ -1,0 +1,1 @@
+"""A landed day, step by step: look, choose a site, dig, verify, stop."""

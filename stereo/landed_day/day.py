@@ -1,0 +1,312 @@
+"""A landed day as an environment: a lander looks, chooses a site, digs, verifies and stops, by ``step``.
+
+The ground and the images are made by rays, so that a step takes seconds. The Sun moves as over the moon's site: a look
+under another Sun shows what shadows hid before, and looks are joined. Nothing that an observation contains depends on
+the truth; ``find_outcome`` compares with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from ...physics.excavation.dig import ExcavationSeries
+from ...physics.excavation.scoop_paths import LINE
+from ...physics.light.ephemeris import format_date, parse_date
+from ...physics.light.sky import Sky, compute_sky
+from ...settings.description import merged
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ..decisions.dem import Grid
+from ..decisions.dug_volume import find_region_cells, measure_change
+from ..decisions.rules import Rules, read_rules
+from ..decisions.safe_sites import choose_site
+from ..decisions.scores import is_within_tolerance
+from ..decisions.workspace import DecisionMaps, Workspace, decide_from_depth
+from ..design.default_lander import RAYS_PER_PIXEL
+from ..design.made_workspaces import match_disparity, open_made_workspace, prepare_made_pair
+from ..fusion.suns import join_disparities
+from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
+from ..learning.radiance import Lighting
+from ..matchers.methods import Method
+from ..measure.prepare_pair import PreparedPair
+from ..measure.row_metrics import disparity_to_depth
+from .dug_ground import dig_ground, open_series
+
+LOOK, WAIT, CHOOSE, DIG, VERIFY, STOP = "look", "wait", "choose", "dig", "verify", "stop"
+ACTIONS = (LOOK, WAIT, CHOOSE, DIG, VERIFY, STOP)
+#: Hours and watt-hours of a step, and watts at all times. They are chosen; a mission replaces them.
+HOURS = {LOOK: 0.25, DIG: 2.0, VERIFY: 0.25}
+ENERGY_WH = {LOOK: 5.0, DIG: 80.0, VERIFY: 5.0}
+IDLE_W = 20.0
+#: How a day can end.
+SAMPLED, UNSAFE, ABSTAINED, MISSED = "sampled", "unsafe", "abstained", "missed"
+ENDS = (SAMPLED, UNSAFE, ABSTAINED, MISSED)
+#: Least share of the volume of all bites that counts as a sample. It is chosen.
+SAMPLE_SHARE = 0.5
+#: Least elevation of the Sun in degrees for a look.
+LEAST_SUN_DEG = 3.0
+#: Sky light over the Sun's, as irradiance of level ground: ground beyond the horizon of the rays.
+_SKY_SHARE = 0.01
+_MINUTES_PER_HOUR = 60.0
+#: Hours within which the next morning is looked for: more than a day of Europa.
+_LONGEST_NIGHT_H = 100.0
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The lander's knowledge after a step.
+
+    ``left`` and ``right`` are the images of the last look, uint8 (H, W), None before. ``margin`` (rows, columns) is the
+    suitability of each cell of ``grid`` from all looks joined, from 0 to 1, less where a rule fails. ``best`` is the
+    row and column of the site that the rules would choose, None without one, and ``best_margin`` its margin. ``chosen``
+    is the chosen site, and ``last_look_h`` the time of the last look. ``verified`` is whether the ground was looked at
+    since the last bite, and ``removed_m3`` the volume that was measured then, None if too little of the trench is seen.
+    """
+
+    step: int
+    hours: float
+    energy_wh: float
+    sun_elevation_deg: float
+    looks: int = 0
+    left: Array | None = None
+    right: Array | None = None
+    grid: Grid | None = None
+    margin: Array | None = None
+    best: tuple[int, int] | None = None
+    best_margin: float | None = None
+    chosen: tuple[int, int] | None = None
+    bites: int = 0
+    last_look_h: float | None = None
+    verified: bool = False
+    removed_m3: float | None = None
+    done: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers, without images and maps."""
+        left_out = ("left", "right", "grid", "margin")
+        return {key: value for key, value in self.__dict__.items() if key not in left_out}
+
+
+@dataclass(eq=False)
+class LandedDay:
+    """A day of a lander on a ground by rays, from a morning on.
+
+    ``lander`` are complete settings, of which the camera, the sensor, the workspace, the scoop (``excavation``) and
+    the light count. ``method`` matches the images. ``most_energy_wh`` is what the lander may spend. All follows from
+    the recipe, the settings and the steps: equal steps give equal observations, to the bit.
+
+    Raises IcyMoonError for a Sun without a date.
+    """
+
+    recipe: Recipe
+    lander: Settings
+    method: Method
+    most_energy_wh: float = 1000.0
+    rules: Rules = field(default_factory=read_rules)
+
+    def __post_init__(self) -> None:
+        if self.lander.light.directions_from == "ANGLES":
+            raise IcyMoonError(
+                "A landed day needs a Sun that moves; set light.directions_from to DATE, and light.date_utc to its "
+                "start."
+            )
+        self._start = parse_date(self.lander.light.date_utc)
+        self._seen = Observation(0, 0.0, 0.0, self._find_sky(0.0).sun_elevation_deg)
+        self._untouched = build_ground(self.recipe)
+        self._disparities: list[Array] = []
+        self._workspace: Workspace | None = None
+        self._found: DecisionMaps | None = None
+        self._series: ExcavationSeries | None = None
+
+    @property
+    def observation(self) -> Observation:
+        """The present knowledge of the lander."""
+        return self._seen
+
+    def close(self) -> None:
+        """Free the memory of the ground."""
+        close_ground(self._untouched)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    def step(self, action: str, hours: float = 0.0, site: tuple[int, int] | None = None) -> Observation:
+        """Do one of ``ACTIONS`` and return the lander's knowledge then.
+
+        ``hours`` is how long a ``wait`` lasts. ``site`` is the row and column that ``choose`` takes, by default
+        ``best``. A step that needs more energy than is left is not done, and ends the day. Raises IcyMoonError for a
+        step that cannot be done now; nothing has changed then.
+        """
+        self._check_step(action, hours, site)
+        spent = hours if action == WAIT else HOURS.get(action, 0.0)
+        energy = self._seen.energy_wh + ENERGY_WH.get(action, 0.0) + IDLE_W * spent
+        if energy > self.most_energy_wh or action == STOP:
+            self._seen = replace(self._seen, step=self._seen.step + 1, done=True)
+            return self._seen
+        at = self._seen.hours + spent
+        seen = replace(
+            self._seen,
+            step=self._seen.step + 1,
+            hours=at,
+            energy_wh=energy,
+            sun_elevation_deg=self._find_sky(at).sun_elevation_deg,
+        )
+        self._seen = self._act(action, seen, site)
+        return self._seen
+
+    def _act(self, action: str, seen: Observation, site: tuple[int, int] | None) -> Observation:
+        if action == LOOK:
+            return self._look(seen)
+        if action == CHOOSE:
+            return self._choose(seen, site)
+        if action == DIG:
+            return replace(seen, bites=seen.bites + 1, verified=False, removed_m3=None)
+        return self._verify(seen) if action == VERIFY else seen
+
+    def find_outcome(self) -> dict[str, Any]:
+        """The day in truth, with the numbers of the last observation. ``end`` is one of ``ENDS``: MISSED if a site was
+        dug but less than ``SAMPLE_SHARE`` of the volume of all bites came out. ``dangerous`` is whether it was dug
+        where a limit is missed by more than its tolerance. ``true_removed_m3`` is the volume from the trench.
+        """
+        seen, removed = self._seen, 0.0
+        if not seen.bites or seen.chosen is None or self._workspace is None or self._series is None:
+            return seen.to_json() | {"end": ABSTAINED, "dangerous": False, "true_removed_m3": removed}
+        truth = self._workspace.truth.sites
+        safe = bool(truth.safe[seen.chosen])
+        near = bool(is_within_tolerance(truth.margin[seen.chosen], self.rules.site.tolerance))
+        self._series.at(seen.bites)
+        removed = -float(self._series.facts(seen.bites)["change_in_region_by_state_m3"][-1])
+        scoop = self.lander.excavation
+        wanted = SAMPLE_SHARE * (scoop.states - 1) * scoop.bite_m * scoop.length_m * scoop.width_m
+        end = UNSAFE if not safe else SAMPLED if removed >= wanted else MISSED
+        return seen.to_json() | {"end": end, "dangerous": not safe and not near, "true_removed_m3": removed}
+
+    def _check_step(self, action: str, hours: float, site: tuple[int, int] | None) -> None:
+        seen = self._seen
+        if action not in ACTIONS:
+            raise IcyMoonError(f"There is no step {action!r}; choose one of {', '.join(ACTIONS)}.")
+        if seen.done:
+            raise IcyMoonError("The day is over; begin another one.")
+        if action == WAIT and not 0 < hours < np.inf:
+            raise IcyMoonError(f"A wait of {hours:g} h is no time; give hours above 0.")
+        if action in (LOOK, VERIFY):
+            self._refuse_night(seen.hours + HOURS[action])
+        if action in (LOOK, CHOOSE) and seen.bites:
+            raise IcyMoonError(f"{action!r} is for untouched ground, and this is dug; verify, dig or stop.")
+        if action == CHOOSE:
+            self._check_site(site)
+        if action == DIG and seen.chosen is None:
+            raise IcyMoonError("No site is chosen, so nothing can be dug; choose one first.")
+        if action == DIG and seen.bites == self.lander.excavation.states - 1:
+            raise IcyMoonError(f"All {seen.bites} bites of the trench are dug; verify, or stop.")
+        if action == VERIFY and not seen.bites:
+            raise IcyMoonError("Nothing is dug, so nothing can be verified; dig first.")
+
+    def _check_site(self, site: tuple[int, int] | None) -> None:
+        seen = self._seen
+        if seen.margin is None:
+            raise IcyMoonError("A site is chosen from a map, and there is none yet; look first.")
+        if site is None and seen.best is None:
+            raise IcyMoonError("No site obeys the rules; look under another Sun, give a site, or stop.")
+        if site is not None and not all(0 <= at < side for at, side in zip(site, seen.margin.shape, strict=True)):
+            rows, columns = seen.margin.shape
+            raise IcyMoonError(
+                f"The site {site} is outside the map of {rows} x {columns} cells; give its row and column."
+            )
+
+    def _refuse_night(self, at_h: float) -> None:
+        if self._is_day(at_h):
+            return
+        step = 0.25
+        later = next((k * step for k in range(1, int(_LONGEST_NIGHT_H / step)) if self._is_day(at_h + k * step)), None)
+        fix = "stop" if later is None else f"wait {later:g} h"
+        raise IcyMoonError(f"The Sun is too low or hidden, {LEAST_SUN_DEG:g} degrees are the least for a look; {fix}.")
+
+    def _is_day(self, at_h: float) -> bool:
+        sky = self._find_sky(at_h)
+        return sky.sun_elevation_deg >= LEAST_SUN_DEG and sky.eclipse < 1
+
+    def _find_sky(self, at_h: float) -> Sky:
+        date = self._start + np.timedelta64(round(at_h * _MINUTES_PER_HOUR * 60_000), "ms")
+        return compute_sky(self.lander.light | {"date_utc": format_date(date)})
+
+    def _photograph(self, ground: Ground, seen: Observation) -> PreparedPair:
+        """A pair of images of a step; each step has other noise."""
+        recipe, sky = self.recipe, self._find_sky(seen.hours)
+        random = make_split_generator(recipe.seed, recipe.split, recipe.number, 5, seen.step)
+        light = Lighting(
+            sky.sun,
+            sky.sun_irradiance_wm2 * (1 - sky.eclipse),
+            float(np.radians(sky.sun_diameter_deg)) / 2,
+            _SKY_SHARE,
+            np.full(1, recipe.albedo),
+        )
+        noise = {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}}
+        return prepare_made_pair(ground, merged(self.lander, noise), light, RAYS_PER_PIXEL, random)
+
+    def _look(self, seen: Observation) -> Observation:
+        prepared = self._photograph(self._untouched, seen)
+        disparities = [*self._disparities, match_disparity(prepared, self.method)[0]]
+        workspace = open_made_workspace(self._untouched, prepared, self.rules)
+        found = decide_from_depth(workspace, disparity_to_depth(prepared, join_disparities(np.stack(disparities))))
+        self._disparities, self._workspace, self._found = disparities, workspace, found
+        sites = found.sites
+        best = choose_site(sites, workspace.inside)
+        return replace(
+            seen,
+            looks=seen.looks + 1,
+            last_look_h=seen.hours,
+            left=prepared.left,
+            right=prepared.right,
+            grid=workspace.grid,
+            margin=sites.margin,
+            best=best,
+            best_margin=None if best is None else float(sites.margin[best]),
+            chosen=None,
+        )
+
+    def _choose(self, seen: Observation, site: tuple[int, int] | None) -> Observation:
+        """Choose a site; the trench lies around its middle."""
+        chosen = seen.best if site is None else site
+        assert chosen is not None
+        assert seen.grid is not None
+        scoop = self.lander.excavation
+        east, north = (float(each[chosen]) for each in seen.grid.centres())
+        heading = np.radians(scoop.heading_deg)
+        start = {
+            "path": LINE,
+            "start_x_m": east - scoop.length_m / 2 * float(np.sin(heading)),
+            "start_y_m": north - scoop.length_m / 2 * float(np.cos(heading)),
+        }
+        self._series = open_series(self._untouched, merged(self.lander, {"excavation": start}), self.recipe.seed)
+        return replace(seen, chosen=chosen)
+
+    def _verify(self, seen: Observation) -> Observation:
+        """Look at the dug ground, and measure the volume that has left the trench."""
+        assert self._workspace is not None
+        assert self._found is not None
+        assert self._series is not None
+        ground = dig_ground(self._untouched, self._series, seen.bites)
+        try:
+            prepared = self._photograph(ground, seen)
+        finally:
+            close_ground(ground)
+        depth = disparity_to_depth(prepared, match_disparity(prepared, self.method)[0])
+        after = decide_from_depth(replace(self._workspace, prepared=prepared), depth).dem
+        grid = after.grid
+        region = find_region_cells(grid, self._series.site.trench_m)
+        change = measure_change(self._found.dem.height_m, after.height_m, region, grid.cell_m)
+        return replace(
+            seen,
+            left=prepared.left,
+            right=prepared.right,
+            verified=True,
+            removed_m3=None if change is None else change.volume_m3,
+        )

@@ -1,0 +1,79 @@
+"""Ground by rays that a scoop digs: a patch of fine triangles in place of the ground's own ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...physics.excavation.dig import ExcavationSeries
+from ...physics.excavation.dig_grid import ExcavationGrid, make_covering_grid
+from ...physics.excavation.dig_site import make_site
+from ...rays.engine import open_tracer
+from ...rays.shapes import Placed, Shape, World
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from ..learning.grounds import GROUND, Ground, make_shading_tables
+
+#: Width, in metres, of the border of the patch on which nothing is dug. The ground's own triangles, which are up to
+#: 4 cm wide within 3 m of the lander, overlap the patch there.
+_BORDER_M = 0.06
+#: Height from which rays look down, m.
+_ABOVE_M = 30.0
+
+
+def open_series(ground: Ground, settings: Settings, seed: int) -> ExcavationSeries:
+    """The states of the excavation of ``settings`` in a ground, rocks left out; the first is the ground as it is.
+
+    Raises IcyMoonError for an excavation that cannot be dug.
+    """
+    site = make_site(settings)
+    west, south, east, north = site.grid.bounds_m
+    cell = site.grid.cell_m
+    wider = make_covering_grid(west - _BORDER_M, south - _BORDER_M, east + _BORDER_M, north + _BORDER_M, cell)
+    return ExcavationSeries(replace(site, grid=wider), settings.excavation, seed, _measure_heights(ground, wider))
+
+
+def _measure_heights(ground: Ground, grid: ExcavationGrid) -> Array:
+    """The heights (rows, columns), m, of the ground without its rocks at the vertices of a grid."""
+    x, y = (each.ravel() for each in np.meshgrid(grid.east_m, grid.north_m))
+    bare = open_tracer(World(ground.world.placed[:1]))
+    try:
+        down = np.tile([0.0, 0.0, -1.0], (x.size, 1))
+        along = bare.intersect(np.stack([x, y, np.full(x.size, _ABOVE_M)], 1), down, 0.0, 1e3).along
+    finally:
+        bare.close()
+    return (_ABOVE_M - along).reshape(grid.rows, grid.columns)
+
+
+def dig_ground(untouched: Ground, series: ExcavationSeries, state: int) -> Ground:
+    """The ground in a state of an excavation, with a new tracer. Rocks keep their places."""
+    own, *others = untouched.world.placed
+    shape = _join_patch(own.shape, series.site.grid, series.at(state).layers.top)
+    world = World([Placed(shape, own.places, own.numbers), *others])
+    return replace(untouched, world=world, tracer=open_tracer(world), shading=make_shading_tables(world))
+
+
+def _join_patch(shape: Shape, grid: ExcavationGrid, top_m: Array) -> Shape:
+    """The ground's triangles outside a grid, and the triangles of the grid with heights (rows, columns), m.
+
+    A triangle that reaches over the border of the grid stays, so that there is no gap.
+    """
+    west, south, east, north = grid.bounds_m
+    x, y = shape.vertices[:, 0], shape.vertices[:, 1]
+    inside = (x > west) & (x < east) & (y > south) & (y < north)
+    kept = shape.triangles[~inside[shape.triangles].all(axis=1)]
+    across, along = np.meshgrid(grid.east_m, grid.north_m)
+    patch = np.stack([across.ravel(), along.ravel(), top_m.ravel()], axis=1).astype(np.float32)
+    triangles = np.concatenate([kept, _list_triangles(grid) + len(shape.vertices)]).astype(np.uint32)
+    count = len(triangles)
+    return Shape(
+        np.concatenate([shape.vertices, patch]), triangles, np.ones(count, bool), np.full(count, GROUND, np.uint8)
+    )
+
+
+def _list_triangles(grid: ExcavationGrid) -> Array:
+    """The triangles (n, 3) of a grid's vertices, counter-clockwise from above."""
+    corner = np.arange(grid.rows * grid.columns).reshape(grid.rows, grid.columns)
+    a, b, c, d = (each.ravel() for each in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
