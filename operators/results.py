@@ -405,30 +405,26 @@ def show_error_image(context: bpy.types.Context, open_window: bool, method: str 
     names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
     names |= {path: f"Confidence of {describe_method(name)}" for name, path in confidences}
     more = [*find_depth_images(context.scene), *(path for _, path in confidences)]
-    return show_images(context, [*errors, *more] if errors else [], open_window, names)
+    return show_images([*errors, *more] if errors else [], open_window, names)
 
 
-def show_images(
-    context: bpy.types.Context, paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None
-) -> bool:
+def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None) -> bool:
     """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
 
-    If no Image Editor is open, ``open_window`` opens a window with one. ``names`` are names of images in the editor, in
-    place of the names of their files.
+    For ``open_window`` see ``image_editor.show_in_editor``. ``names`` are names of images in the editor, in place of
+    the names of their files.
     """
-    if not paths or bpy.app.background:
-        return False
-    area = image_editor.find_or_open(context, open_window)
-    if area is None:
-        return False
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
-    for image, path in zip(images, paths, strict=True):
-        image.reload()
-        image.name = (names or {}).get(path, image.name)
-    area.spaces.active.image = images[0]
-    image_editor.zoom_to_fit(area)
-    push_undo("Show Images")
-    return True
+
+    def show(area: bpy.types.Area) -> None:
+        images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
+        for image, path in zip(images, paths, strict=True):
+            image.reload()
+            image.name = (names or {}).get(path, image.name)
+        area.spaces.active.image = images[0]
+        image_editor.zoom_to_fit(area)
+        push_undo("Show Images")
+
+    return bool(paths) and not bpy.app.background and image_editor.show_in_editor(open_window, show)
 
 
 def needs_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:

@@ -58,6 +58,7 @@ class Session:
     shadow_notes: dict[int, str] = field(default_factory=dict)  # of dark views, by ``session_uid``
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
     preview_side: int = SIDES[1]
+    to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
     traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
     #: The clock's and the processor's seconds when the load of this Blender was measured last.
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))

@@ -47,7 +47,7 @@ class ICYMOON_OT_expose(JobOperator, bpy.types.Operator):
         folders = map(Path, self._job.result["folders"])
         images = [folder / f"{eye}.png" for folder in folders for eye in ("left", "right")]
         self.report({"INFO"}, show_controls(f"{format_count(len(images), 'image')} in {images[0].parent.parent}"))
-        results.show_images(context, images, open_window=True)
+        results.show_images(images, open_window=True)
 
 
 CLASSES = (ICYMOON_OT_expose,)

@@ -107,8 +107,8 @@ def _write_pictures(pictures: list[Any]) -> None:
             path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
 
 
-def _show_view(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None:
-    """Show a view in an Image Editor, see ``image_editor.find_or_open``."""
+def _show_view(now: ShownPair, open_window: bool) -> None:
+    """Show a view in an Image Editor, see ``image_editor.show_in_editor``."""
     _write_pictures(now.views.pictures(now.view))
     image = find_image()
     new = image is None
@@ -119,17 +119,31 @@ def _show_view(context: bpy.types.Context, now: ShownPair, open_window: bool) ->
     _load_picture(image, 0)
     session.shown = now
     areas = image_editor.find_editors_showing(image)
-    placed = None if areas else image_editor.find_or_open(context, open_window)
-    if placed is not None:
-        placed.spaces.active.image = image
-        areas = [placed]
-    for area in areas if placed is not None or size != tuple(image.size) else ():
+    for area in areas if size != tuple(image.size) else ():
         image_editor.zoom_to_fit(area)
-    if new or placed is not None:
+    placed = not areas and image_editor.show_in_editor(open_window, _show_in)
+    if new and not placed:
         push_undo("Show Stereo Pair")
-    if now.view == "FLICKER" and areas:
-        call_later(_show_other_eye, _FLICKER_S)
+    if areas:
+        _begin_flicker()
     redraw_panels()
+
+
+def _show_in(area: bpy.types.Area) -> None:
+    """Show the image in an editor, as a step of undo. It may be gone since it was asked for."""
+    image = find_image()
+    if image is None:
+        return
+    area.spaces.active.image = image
+    image_editor.zoom_to_fit(area)
+    push_undo("Show Stereo Pair")
+    _begin_flicker()
+    redraw_panels()
+
+
+def _begin_flicker() -> None:
+    if session.shown is not None and session.shown.view == "FLICKER":
+        call_later(_show_other_eye, _FLICKER_S)
 
 
 def _show_other_eye() -> float | None:
@@ -184,7 +198,7 @@ class ShowsPair(WatchingOperator):
         if self._job is not None:
             session.reading = None
             self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
-        _show_view(context, self._found, self._opens_window(context))
+        _show_view(self._found, self._opens_window(context))
         if self._job is not None and self.automatic:
             view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
 

@@ -122,7 +122,7 @@ def find_chart(scene: bpy.types.Scene) -> Path | None:
 def show_chart(context: bpy.types.Context, open_window: bool) -> bool:
     """Show the chart in an Image Editor, see ``results.show_images``."""
     path = find_chart(context.scene)
-    return path is not None and results.show_images(context, [path], open_window, {path: "Speed and Accuracy"})
+    return path is not None and results.show_images([path], open_window, {path: "Speed and Accuracy"})
 
 
 class ICYMOON_OT_show_trade(bpy.types.Operator):

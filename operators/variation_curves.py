@@ -29,7 +29,6 @@ def show_curves(context: bpy.types.Context, open_window: bool, first: str = "") 
     """Show the curves in an Image Editor, the curve of the setting ``first`` before the others."""
     curves = sort_curves(context.scene)
     results.show_images(
-        context,
         sorted(curves.values(), key=lambda path: path != curves.get(first)),
         open_window,
         {path: describe_curve(name) for name, path in curves.items()},

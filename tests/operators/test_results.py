@@ -222,7 +222,7 @@ def test_confidence_stands_behind_errors_in_the_list_of_images(scene, tmp_path, 
     for path in paths:
         path.write_text("x")
     asked = []
-    monkeypatch.setattr(results, "show_images", lambda context, *rest: asked.append(rest) or True)
+    monkeypatch.setattr(results, "show_images", lambda *rest: asked.append(rest) or True)
     assert results.show_error_image(SimpleNamespace(scene=scene), False)
     ((shown, _, names),) = asked
     assert shown == paths

@@ -254,7 +254,7 @@ def test_pictures_are_gone_with_icy_moon(rendered, monkeypatch):
 )
 def test_a_render_opens_a_window_where_the_user_wants_it(rendered, monkeypatch, preference, automatic, opens):
     asked = []
-    monkeypatch.setattr(image_editor, "find_or_open", lambda context, open_window: asked.append(open_window))
+    monkeypatch.setattr(image_editor, "show_in_editor", lambda open_window, show: asked.append(open_window))
     monkeypatch.setattr(bpy.context.preferences.view, "render_display_type", preference)
     assert bpy.ops.icymoon.show_pair(automatic=automatic) == {"FINISHED"}
     assert asked == [opens]

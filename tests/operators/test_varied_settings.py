@@ -294,7 +294,7 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     group = tiny.icymoon.dataset
     group.evaluate, group.methods, group.workers = True, "sgbm", 1
     shown = []
-    monkeypatch.setattr(results, "show_images", lambda context, paths, open_window, names=None: shown.append(paths))
+    monkeypatch.setattr(results, "show_images", lambda paths, open_window, names=None: shown.append(paths))
     assert not bpy.ops.icymoon.show_curve.poll()
     assert bpy.ops.icymoon.render_variations(folder=str(tmp_path / "other")) == {"FINISHED"}
     assert group.folder == str(tmp_path / "other")
@@ -372,7 +372,7 @@ def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
     shown: list = []
     called: dict = {}
     monkeypatch.setattr(
-        results, "show_images", lambda context, paths, open_window, names: (shown.append(paths), called.update(names))
+        results, "show_images", lambda paths, open_window, names: (shown.append(paths), called.update(names))
     )
     bpy.ops.icymoon.show_curve(setting="a.b")
     bpy.ops.icymoon.show_curve()
