@@ -304,8 +304,8 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
 def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
     """The main results, one sentence per method, limited to claims that the numbers support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
-    suns = f"{_describe_suns(facts)}, the last" if _has_suns(facts) else "the Sun"
-    sun = f", with {suns} at {_format_range(heights)}°" if heights else ""
+    suns = f"under {_describe_suns(facts)}, the last" if _has_suns(facts) else "with the Sun"
+    sun = f", {suns} at {_format_range(heights)}°" if heights else ""
     return [sentence for entry in summary if (sentence := _make_head_sentence(entry, sun))]
 
 

@@ -70,7 +70,7 @@ def test_a_site_has_one_row_which_states_its_suns(suns, tmp_path):
     assert report["summary"][1]["pairs"] == 1
     assert report["provenance"]["fuse_suns"] is True
     assert any("joined disparities of its pairs under 2 Suns" in note for note in report["notes"])
-    assert "with 2 Suns, the last at 60°" in report["head"][0]
+    assert "under 2 Suns, the last at 60°" in report["head"][0]
     with (tmp_path / "out" / "decisions.csv").open(encoding="utf-8", newline="") as stream:
         assert [line["suns"] for line in csv.DictReader(stream)] == ["2", "2"]
     facts = json.loads((tmp_path / "out" / "pairs" / "b" / "decisions.json").read_text())
