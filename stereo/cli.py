@@ -597,6 +597,11 @@ def _add_decision_inputs(command: argparse.ArgumentParser) -> None:
         metavar="LIMIT",
         help="use no measurement of less confidence than this, from 0 to 1, by matchers that state one (%(default)s)",
     )
+    command.add_argument(
+        "--fuse-suns",
+        action="store_true",
+        help="decide once on the pairs of a site that one camera took in one pose under several Suns",
+    )
 
 
 def _check_decide_options(parsed: argparse.Namespace) -> None:
@@ -676,6 +681,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
             parsed.min_confidence,
             order,
             parsed.calibration,
+            parsed.fuse_suns,
         )
     _tell_decisions(parsed, report)
     return 0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from ..physics.excavation import arm_reach
 from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import make_generator
+from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
@@ -48,8 +49,10 @@ from .decisions.workspace import (
 )
 from .evaluated_pairs import RenderedPair, Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
+from .fused_sites import FusedSite, find_fused_sites, list_pairs
 from .fusion.fuse import list_lidar_inputs
 from .fusion.match_prepared import find_search_ranges, list_method_inputs, match_prepared
+from .fusion.suns import join_disparities
 from .images.image_files import write_png
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
@@ -101,13 +104,22 @@ class _DecideRun:
     min_confidence: float
     scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of the errors of maps, by label
 
+    def find_method(self, label: str) -> Method | None:
+        """The method with this label; None for the true depth."""
+        return next((method for method in self.methods if method.label == label), None)
+
     def prepare_calibrated_run(
         self, sources: Sequence[Source], order: CalibrationOrder | None, file: Path | None
     ) -> CalibratedRun:
         """The calibration that this run makes by ``order`` or takes from ``file``."""
         own = {m.label: make_json_digest([list_method_inputs(m), *list_lidar_inputs(m, "")]) for m in self.methods}
-        conditions = Conditions(DECISIONS_VERSION, self.rules, self.pose.mm, self.pose.deg, self.min_confidence)
-        folders = {source.name: source.folder for source in sources if isinstance(source, RenderedPair)}
+        suns = 1 if order is None and file is None else count_suns(sources)
+        conditions = Conditions(DECISIONS_VERSION, self.rules, self.pose.mm, self.pose.deg, self.min_confidence, suns)
+        folders = {
+            source.name: [pair.folder for pair in list_pairs(source)]
+            for source in sources
+            if isinstance(source, RenderedPair | FusedSite)
+        }
         bare = CalibratedRun({}, conditions, {TRUE_DEPTH: "", **own}, order)
         return prepare_calibrated_run(folders, self.response, self.cell_m or DEFAULT_CELL_M, bare, file)
 
@@ -131,6 +143,7 @@ def decide_pairs(
     min_confidence: float = 0.0,
     calibrate: CalibrationOrder | None = None,
     calibration: Path | None = None,
+    fuse_suns: bool = False,
 ) -> dict[str, Any]:
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
@@ -146,10 +159,15 @@ def decide_pairs(
     ``calibrate`` writes a calibration from these grounds. ``calibration`` is the file of one that other grounds gave:
     the chosen sites are guaranteed by it, or the lander abstains.
 
-    Raises IcyMoonError if there is no pair, or if ``out`` contains files of another program; if ``calibrate`` has too
-    few grounds, or ``calibration`` does not hold for these pairs, rules and methods, before anything is written.
+    ``fuse_suns`` joins the pairs of a site that one camera took in one pose under several Suns, see ``fused_sites``:
+    the disparities of each method are joined before they become heights. Light, contrast and the true depth are of the
+    last Sun's pair, which names the site.
+
+    Raises IcyMoonError if there is no pair, if pairs cannot be joined, or if ``out`` contains files of another program;
+    if ``calibrate`` has too few grounds, or ``calibration`` does not hold for these pairs, rules and methods, before
+    anything is written.
     """
-    sources = find_sources(paths)
+    sources = find_fused_sites(find_sources(paths)) if fuse_suns else find_sources(paths)
     check_response(sources, response or {})
     names = [source.name for source in sources]
     check_output_folder(out, names, FIRST_BYTES)
@@ -171,6 +189,7 @@ def decide_pairs(
         "seed": seed,
         "pose_error": {"mm": pose.mm, "deg": pose.deg},
         **({"min_confidence": min_confidence} if min_confidence else {}),
+        **({"fuse_suns": True} if fuse_suns else {}),
     }
     rows, verdicts = calibrated.judge(rows)
     report = write_decisions(
@@ -218,7 +237,7 @@ def _make_rows(
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair. Missing rows are made and written to the log."""
     content = run.make_digest(source)
-    keys = {TRUE_DEPTH: content} | {m.label: _make_row_key(m, source.name, content) for m in run.methods}
+    keys = {TRUE_DEPTH: content} | {m.label: _make_row_key(m, list_pairs(source), content) for m in run.methods}
     keys |= {label: make_json_digest([keys[label], scales]) for label, scales in run.scales.items() if label in keys}
     there = {
         label: row
@@ -233,12 +252,13 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         return
     try:
         workspace = open_workspace(source.prepare(run.response), run.rules, run.cell_m)
-        _write_facts(workspace, run.out, content)
+        others = _match_other_suns(source, run, keys.keys() - there.keys())
+        _write_facts(workspace, others, run.out, content)
     except DiskError:
         raise
     except Exception as error:
         for label, key in keys.items():
-            yield _log_row(log, _make_failed_row(source.name, label, key, describe_error(error, source.folder)))
+            yield _log_row(log, _make_failed_row(source, label, key, describe_error(error, source.folder)))
         return
     random = make_generator(run.seed, "pose", int(make_json_digest(source.name), 16) % 2**32)
     pose = disturb_pose(workspace.pose, run.pose.mm, run.pose.deg, random)
@@ -247,25 +267,77 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         if label in there:
             yield there[label]
             continue
-        method = next((each for each in run.methods if each.label == label), None)
         try:
-            row = _make_row(source.name, label, key, _check_status(workspace.prepared))
-            row |= _decide_with_method(workspace, method, pose, run, scoop, random)
+            row = _make_row(source, label, key, "ok" if workspace.prepared.check.ok and others.agree else "suspect")
+            row |= _decide_with_method(workspace, others, run.find_method(label), pose, run, scoop, random)
         except DiskError:
             raise
         except Exception as error:
             where = f"{source.folder} by {describe_method(label)}"
-            row = _make_failed_row(source.name, label, key, describe_error(error, where))
+            row = _make_failed_row(source, label, key, describe_error(error, where))
         yield _log_row(log, row)
 
 
-def _make_row_key(method: Method, pair: str, content: str) -> str:
+def count_suns(sources: Sequence[Source]) -> int:
+    """The number of Suns of each site. Raises IcyMoonError if sites have different numbers, for a calibration holds for
+    one. A pair that cannot be read counts for itself.
+    """
+    numbers = {len(list_pairs(source)): source.name for source in sources}
+    if len(numbers) > 1:
+        (few, one), *_, (many, other) = sorted(numbers.items())
+        raise IcyMoonError(
+            f"A calibration takes one number of Suns, and site {one} has {few}, site {other} has {many}; give as many "
+            "readable pairs of each site."
+        )
+    return next(iter(numbers))
+
+
+@dataclass(frozen=True)
+class _OtherSuns:
+    """The pairs of a site before the last one: the facts of each, and by label of a method the disparities (H, W), px,
+    with their processor seconds, or the reason why it failed.
+    """
+
+    facts: Sequence[Mapping[str, Any]] = ()
+    matched: Mapping[str, Sequence[tuple[Array, float]] | IcyMoonError] = field(default_factory=dict)
+
+    @property
+    def agree(self) -> bool:
+        """Whether the eyes of all pairs agree with each other and with the truth."""
+        return not any(fact["suspect"] for fact in self.facts)
+
+
+def _match_other_suns(source: Source, run: _DecideRun, labels: Collection[str]) -> _OtherSuns:
+    """Match the pairs of a site before the last one by the methods with these labels."""
+    facts: list[dict[str, Any]] = []
+    matched: dict[str, list[tuple[Array, float]] | IcyMoonError] = {}
+    for prepared in source.prepare_others(run.response) if isinstance(source, FusedSite) else ():
+        facts.append(_describe_sun(prepared))
+        for method in (each for each in run.methods if each.label in labels):
+            found = matched.setdefault(method.label, [])
+            if isinstance(found, IcyMoonError):
+                continue
+            try:
+                found.append(_match(prepared, method, run.min_confidence))
+            except DiskError:
+                raise
+            except Exception as error:
+                where = f"{prepared.pair.folder} by {describe_method(method.label)}"
+                matched[method.label] = IcyMoonError(describe_error(error, where))
+    return _OtherSuns(facts, matched)
+
+
+def _describe_sun(prepared: PreparedPair) -> dict[str, Any]:
+    pair = prepared.pair
+    assert isinstance(pair, Pair)
+    elevation = elevation_deg(read_sun_direction(pair))
+    return {"pair": pair.name, "sun_elevation_deg": elevation, "suspect": not prepared.check.ok}
+
+
+def _make_row_key(method: Method, pairs: Sequence[Source], content: str) -> str:
     """The digest of everything that determines a row."""
-    return make_json_digest([content, list_method_inputs(method), *list_lidar_inputs(method, pair)])
-
-
-def _check_status(prepared: PreparedPair) -> str:
-    return "ok" if prepared.check.ok else "suspect"
+    lidar = [each for pair in pairs for each in list_lidar_inputs(method, pair.name)]
+    return make_json_digest([content, list_method_inputs(method), *lidar])
 
 
 def _log_row(log: RowLog, row: Row) -> Row:
@@ -273,12 +345,13 @@ def _log_row(log: RowLog, row: Row) -> Row:
     return row
 
 
-def _make_row(pair: str, label: str, key: str, status: str, error: str = "") -> Row:
-    return {"pair": pair, "method": label, "key": key, "status": status, "error": error}
+def _make_row(source: Source, label: str, key: str, status: str, error: str = "") -> Row:
+    suns = {"suns": len(list_pairs(source))} if isinstance(source, FusedSite) else {}
+    return {"pair": source.name, "method": label, "key": key, "status": status, "error": error, **suns}
 
 
-def _make_failed_row(pair: str, label: str, key: str, message: str) -> Row:
-    return _make_row(pair, label, key, "failed", message) | {"numbers": None, "images": {}}
+def _make_failed_row(source: Source, label: str, key: str, message: str) -> Row:
+    return _make_row(source, label, key, "failed", message) | {"numbers": None, "images": {}}
 
 
 def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
@@ -297,6 +370,7 @@ def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
 
 def _decide_with_method(
     workspace: Workspace,
+    others: _OtherSuns,
     method: Method | None,
     pose: Array,
     run: _DecideRun,
@@ -306,7 +380,7 @@ def _decide_with_method(
     """The numbers and files of a method, or of the true depth without a method."""
     depth, matching = workspace.prepared.truth, 0.0
     if method is not None:
-        depth, matching = _match_depth(workspace, method, run.min_confidence)
+        depth, matching = _find_depth(workspace.prepared, others, method, run.min_confidence)
     start = time.process_time()
     error_px = 0.0 if method is None else workspace.rules.cells.disparity_error_px
     found = decide_from_depth(workspace, depth, pose, error_px)
@@ -326,10 +400,20 @@ def _decide_with_method(
     }
 
 
-def _match_depth(workspace: Workspace, method: Method, min_confidence: float) -> tuple[Array, float]:
-    """The depth of a method, NaN where its confidence is less than a limit above 0, and the processor seconds that it
-    took."""
-    prepared = workspace.prepared
+def _find_depth(
+    prepared: PreparedPair, others: _OtherSuns, method: Method, min_confidence: float
+) -> tuple[Array, float]:
+    """The depth of a method, by all Suns, and the processor seconds that it took."""
+    matched = others.matched.get(method.label, [])
+    if isinstance(matched, IcyMoonError):
+        raise matched
+    disparities, seconds = zip(*matched, _match(prepared, method, min_confidence), strict=True)
+    return disparity_to_depth(prepared, join_disparities(np.stack(disparities))), sum(seconds)
+
+
+def _match(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
+    """The disparity of a method, px, NaN where its confidence is less than a limit above 0, and the processor seconds
+    that it took."""
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
     disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
     if min_confidence > 0:
@@ -339,7 +423,7 @@ def _match_depth(workspace: Workspace, method: Method, min_confidence: float) ->
                 "leave out the limit or the method."
             )
         disparity = np.where(info["confidence"] >= min_confidence, disparity, np.nan)
-    return disparity_to_depth(prepared, disparity), float(info["seconds"])
+    return disparity, float(info["seconds"])
 
 
 def _name_files(method: Method | None) -> str:
@@ -399,9 +483,9 @@ def _encode_npy(values: Array) -> bytes:
     return stream.getvalue()
 
 
-def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
+def _write_facts(workspace: Workspace, others: _OtherSuns, out: Path, key: str) -> None:
     """Write the facts of a pair, its left image and the truth's maps."""
-    prepared, truth = workspace.prepared, workspace.truth
+    prepared, truth, grid = workspace.prepared, workspace.truth, workspace.grid
     folder = out / "pairs" / workspace.pair.name
     write_png(folder / "left.png", prepared.left)
     write_png(folder / "truth_sites.png", pictures.draw_failed_rules(truth, workspace.reached))
@@ -417,7 +501,6 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
         "truth_suitability": "truth_suitability.npy",
         "reach": "reach.npy",
     }
-    grid = workspace.grid
     write_json(
         folder / "decisions.json",
         {
@@ -436,9 +519,10 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
             "excavation": _read_excavation_facts(workspace),
             "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
             "height_px": int(prepared.left.shape[0]),
-            "suspect": not prepared.check.ok,
+            "suspect": not (prepared.check.ok and others.agree),
             "noise": prepared.facts.get("noise"),
             "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()},
+            **({"suns": [*others.facts, _describe_sun(prepared)]} if others.facts else {}),
         },
     )
 

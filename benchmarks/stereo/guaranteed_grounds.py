@@ -3,10 +3,10 @@
     python benchmarks guaranteed_grounds --out FOLDER
 
 Each ground has one pair. Some grounds calibrate, others of the same terrains test, and held-out landforms test again.
-icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, and the Sun stands at 16 to
-65 degrees. Grounds with hanging shapes are left out. The camera, the sensor and the place of the workspace are the same
-in all pairs, see ``default_lander``. The rest is done by the functions of ``icymoon decide``: search ranges, cells,
-gaps, rules and light. There is no arm, so every cell is in reach.
+icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, see
+``common/ray_grounds``, and the Sun stands at 16 to 65 degrees. Grounds with hanging shapes are left out. The camera,
+the sensor and the place of the workspace are the same in all pairs. The rest is done by the functions of ``icymoon
+decide``: search ranges, cells, gaps, rules and light. There is no arm, so every cell is in reach.
 
 With ``--out`` a second start makes only the rows that are missing.
 """
@@ -15,26 +15,30 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from icymoon.benchmarks.common.arguments import open_out_folder
+from icymoon.benchmarks.common.ray_grounds import (
+    CALIBRATION,
+    ROW_SHAPE,
+    RULES,
+    VARIETY,
+    Row,
+    apply,
+    calibrate,
+    count_choices,
+    draw_grounds,
+    print_truth,
+)
 from icymoon.stereo.decide import DECISIONS_VERSION
-from icymoon.stereo.decisions.calibration import Goal, calibrate_matchers, make_sentences
-from icymoon.stereo.decisions.calibration_file import Calibration
-from icymoon.stereo.decisions.calibration_pairs import StatedPair
-from icymoon.stereo.decisions.guarantee import apply_calibration, bound_share
-from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.scores import THRESHOLDS
-from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH, UNLIKE
+from icymoon.stereo.decisions.calibration import Goal, make_sentences
+from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH
 from icymoon.stereo.decisions.workspace import Workspace
-from icymoon.stereo.design.default_lander import GENTLE_TERRAINS, LANDER, RAYS_PER_PIXEL
+from icymoon.stereo.design.default_lander import LANDER, RAYS_PER_PIXEL
 from icymoon.stereo.design.made_workspaces import (
     decide,
-    draw_recipes,
     name_pair,
     open_made_workspace,
     prepare_made_pair,
@@ -42,11 +46,9 @@ from icymoon.stereo.design.made_workspaces import (
 from icymoon.stereo.fusion.fuse import list_lidar_inputs
 from icymoon.stereo.fusion.match_prepared import list_method_inputs
 from icymoon.stereo.inference.risk_control import bound_risk
-from icymoon.stereo.inference.scene_means import find_mean_intervals
 from icymoon.stereo.learning.grounds import (
     Ground,
     Recipe,
-    Variety,
     build_ground,
     close_ground,
     make_split_generator,
@@ -54,18 +56,11 @@ from icymoon.stereo.learning.grounds import (
 from icymoon.stereo.learning.made_pairs import draw_light
 from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.report.row_log import RowLog
-from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.file_schemas import NUMBER, TABLE, TEXT, Maybe, Shape
 from icymoon.support.files import make_json_digest
 from icymoon.support.version import version
 
-Row = dict[str, Any]
-VARIETY = Variety(GENTLE_TERRAINS, suns_deg=(16.0, 65.0))
-RULES = read_rules()
 METHODS = "bm,sgbm,sgbm_wls,jplv,icynet,sgbm+lidar:points=300"
-CALIBRATION, TEST, LANDFORM = "calibration", "test", "landform"
-_ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "cpu_s": NUMBER}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,16 +72,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--alpha", type=float, default=0.05, help="largest risk (%(default)s)")
     parser.add_argument("--delta", type=float, default=0.05, help="1 - confidence (%(default)s)")
     parser.add_argument("--out", type=Path, help="folder that keeps the rows (default: a temporary one)")
-
-
-def draw_grounds(seed: int, grounds: int, tests: int, landforms: int) -> dict[str, list[Recipe]]:
-    """The recipes of each kind of grounds. Those that calibrate and those that test come by turns."""
-    own = draw_recipes(seed, "ground", 2 * max(grounds, tests), VARIETY)
-    return {
-        CALIBRATION: own[::2][:grounds],
-        TEST: own[1::2][:tests],
-        LANDFORM: draw_recipes(seed, "landform", landforms, VARIETY),
-    }
 
 
 def make_workspace_of_ground(ground: Ground) -> Workspace:
@@ -127,73 +112,6 @@ def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Ro
     return [row for row in rows.values() if row]
 
 
-def state_grounds(rows: Sequence[Row]) -> dict[str, StatedPair]:
-    """The statements of the pairs of rows: each is a ground of its own."""
-    return {row["pair"]: StatedPair(row["pair"], "", {}) for row in rows}
-
-
-def calibrate(rows: Sequence[Row], goal: Goal) -> Calibration:
-    """The calibration that ``decide --calibrate`` makes of these rows, without a file."""
-    stated = state_grounds(rows)
-    entries = calibrate_matchers(rows, stated, {row["method"]: "" for row in rows}, goal)
-    return Calibration(Path(), goal, {}, {}, frozenset(stated), 1, entries)
-
-
-def find_lost_shares(rows: Sequence[Row], threshold: float | None) -> Array:
-    """The shares (grounds, 2) of safe cells that are lost on each ground with a safe one: by the rules alone, and
-    without the guaranteed margin of the map.
-    """
-    found = []
-    for row in rows:
-        sites = row["numbers"]["sites"]
-        _, safe, _, both = sites["cells"]
-        if safe:
-            alike = threshold is not None and row["guarantee"]["verdict"] != UNLIKE
-            at = THRESHOLDS.index(threshold) if alike and threshold is not None else None
-            kept = 0 if at is None else sites["taken_from"][at] - sites["unsafe_from"][at]
-            found.append((1 - both / safe, 1 - kept / safe))
-    return np.array(found).reshape(-1, 2)
-
-
-def apply(calibration: Calibration, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """For each method the counts of ``decide --calibration`` on other grounds, with ``lost``, the means of
-    ``find_lost_shares``, and ``lost_bounds``.
-    """
-    marked, guarantee = apply_calibration(calibration, rows, state_grounds(rows))
-    found = []
-    for entry in guarantee["methods"]:
-        own = [row for row in marked if row["method"] == entry["method"] and row["guarantee"]]
-        lost = find_lost_shares(own, entry["map_threshold"])
-        bounds = find_mean_intervals(lost, np.arange(len(lost)), np.array([True, True]))
-        found.append(entry | {"lost": lost.mean(axis=0).tolist(), "lost_bounds": bounds.tolist()})
-    return found
-
-
-def count_choices(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
-    """For each method, of the rules alone: the numbers of ``grounds``, of those with a site (``acted``), and of
-    ``unsafe`` and ``dangerous`` choices, and the numbers of unsafe choices by the rule that ``fails`` first in truth.
-    """
-    found = {}
-    for label in dict.fromkeys(row["method"] for row in rows):
-        own = [row["numbers"] for row in rows if row["method"] == label and row["status"] == "ok"]
-        sites = [each["sites"] for each in own]
-        found[label] = {
-            "grounds": len(own),
-            "acted": sum(each["chosen"] is not None for each in sites),
-            "unsafe": sum(each["unsafe_choice"] == 1 for each in sites),
-            "dangerous": sum(each["dangerous_choice"] == 1 for each in sites),
-            "fails": dict(Counter(each["fails"] for each in own if each["fails"])),
-        }
-    return found
-
-
-def print_truth(kind: str, rows: Sequence[Row]) -> None:
-    """The share of grounds that have a safe site in truth."""
-    safe = [row["numbers"]["sites"]["cells"][1] > 0 for row in rows if row["method"] == TRUE_DEPTH]
-    low, high = bound_share(sum(safe), len(safe), 0.05)
-    print(f"{kind}: {sum(safe)} of {len(safe)} grounds have a safe site in truth ({low:.2f} to {high:.2f})")
-
-
 def print_choices(rows: Sequence[Row]) -> None:
     """A table of the choices by the rules alone, with a line for each method."""
     print(f"{'by the rules alone':<24}{'acts':>6}{'unsafe':>8}{'at most':>9}{'dangerous':>11}  first failed rule")
@@ -231,7 +149,7 @@ def main(options: argparse.Namespace) -> None:
     goal.check()
     recipes = draw_grounds(options.seed, options.grounds, options.tests, options.landforms)
     with open_out_folder(options.out) as folder:
-        log = RowLog(folder / "rows.jsonl", _ROW_SHAPE)
+        log = RowLog(folder / "rows.jsonl", ROW_SHAPE)
         rows = {
             kind: [row for recipe in own for row in make_rows(recipe, methods, log)] for kind, own in recipes.items()
         }

@@ -20,7 +20,7 @@ from .calibration_file import (
     read_calibration,
     write_calibration,
 )
-from .calibration_pairs import StatedPair, check_group_settings, state_pair
+from .calibration_pairs import StatedPair, check_group_settings, join_statements, state_pair
 from .guarantee import apply_calibration, make_guarantee_sentences
 
 
@@ -79,13 +79,14 @@ class CalibratedRun:
 
 
 def prepare_calibrated_run(
-    folders: Mapping[str, Path],
+    folders: Mapping[str, Sequence[Path]],
     response: Mapping[str, Mapping[str, Any]],
     cell_m: float,
     run: CalibratedRun,
     file: Path | None,
 ) -> CalibratedRun:
-    """The run with the statements of the pairs in ``folders``, by name, and the calibration in ``file``, if given.
+    """The run with the statements of the pairs in ``folders``, by name, and the calibration in ``file``, if given. A
+    site that several pairs show has all their folders.
 
     ``cell_m`` is the side of a cell of pairs that state none. Raises IcyMoonError for a calibration that these pairs
     cannot give, or that does not hold for them. A pair that cannot be read is reported when its turn comes.
@@ -102,9 +103,10 @@ def prepare_calibrated_run(
         check_target(order.file)
     check_group_settings(goal.group_by)
     stated, restore = {}, Restorer()
-    for name, folder in folders.items():
+    for name, own in folders.items():
         with suppress(IcyMoonError):
-            stated[name] = state_pair(read_pair(folder, restore), response, goal.group_by, cell_m)
+            pairs = [state_pair(read_pair(folder, restore), response, goal.group_by, cell_m) for folder in own]
+            stated[name] = join_statements(pairs)
     if used is not None:
         check_use(used, run.conditions, stated, run.inputs)
     else:

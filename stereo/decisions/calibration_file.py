@@ -57,6 +57,7 @@ _SHAPE = {
     "rules": Each(Each(NUMBER, TEXT), TEXT),
     "pose_error": {"mm": NUMBER, "deg": NUMBER},
     "min_confidence": NUMBER,
+    "suns": Maybe(COUNT),
     "devices": Each(Each(TEXT), TEXT),
     "grounds": Each(TEXT),
     "pairs_of_a_ground": COUNT,
@@ -83,6 +84,7 @@ class Conditions:
     pose_error_mm: float
     pose_error_deg: float
     min_confidence: float = 0.0
+    suns: int = 1  # of each site, whose disparities are joined
 
     def to_json(self) -> dict[str, Any]:
         """The entries of the file."""
@@ -91,6 +93,7 @@ class Conditions:
             "rules": self.rules.to_json(),
             "pose_error": {"mm": self.pose_error_mm, "deg": self.pose_error_deg},
             "min_confidence": self.min_confidence,
+            **({"suns": self.suns} if self.suns > 1 else {}),
         }
 
 
@@ -163,7 +166,7 @@ def read_calibration(path: Path) -> Calibration:
     return Calibration(
         path,
         _read_goal(data["goal"]),
-        {key: data[key] for key in _CONDITIONS},
+        {key: data[key] for key in (*_CONDITIONS, "suns") if key in data},
         data["devices"],
         frozenset(data["grounds"]),
         data["pairs_of_a_ground"],
@@ -206,6 +209,10 @@ def _read_goal(stated: Mapping[str, Any]) -> Goal:
     return Goal(stated["alpha"], stated["delta"], stated["procedure"], tuple(stated["group_by"]))
 
 
+def _describe_suns(suns: int) -> str:
+    return "one Sun for each decision" if suns == 1 else f"{suns} Suns of a site joined by --fuse-suns"
+
+
 def check_use(
     calibration: Calibration,
     conditions: Conditions,
@@ -222,6 +229,11 @@ def check_use(
     for key, what in _CONDITIONS.items():
         if own[key] != calibration.conditions[key]:
             raise IcyMoonError(f"{refused} it was made with other {what}; calibrate again with these.")
+    if conditions.suns != (suns := calibration.conditions.get("suns", 1)):
+        raise IcyMoonError(
+            f"{refused} it was made with {_describe_suns(suns)}, and these decisions are with "
+            f"{_describe_suns(conditions.suns)}; decide on as many, or calibrate again with these."
+        )
     for label, digest in inputs.items():
         if label not in calibration.entries:
             raise IcyMoonError(

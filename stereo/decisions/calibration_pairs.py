@@ -69,6 +69,16 @@ def state_pair(
     return StatedPair(name_independent_ground(pair), name_group(settings, group_by), devices)
 
 
+def join_statements(pairs: Sequence[StatedPair]) -> StatedPair:
+    """The statements of a site that several pairs show: ground and group are of the last, and a device stands for all
+    devices if they differ, as with exposures.
+    """
+    last = pairs[-1]
+    devices = {name: sorted({pair.devices[name] for pair in pairs}) for name in last.devices}
+    joined = {name: own[0] if len(own) == 1 else make_json_digest(own) for name, own in devices.items()}
+    return StatedPair(last.ground, last.group, joined)
+
+
 def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:
     """The name of the group with these settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
     values = [name.split(".") for name in group_by]

@@ -179,6 +179,7 @@ def write_decisions(
     ]
     limit = provenance.get("min_confidence")
     notes = [
+        *_find_notes_on_suns(facts),
         *([f"Measurements of less confidence than {limit:g} are not used."] if limit else []),
         *find_notes(rows, facts, verdicts.guarantee is None),
         *(note for entry in progress for note in entry["notes"]),
@@ -303,16 +304,25 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
 def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
     """The main results, one sentence per method, limited to claims that the numbers support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
-    sun = (
-        ""
-        if not heights
-        else (
-            f", with the Sun at {heights[0]}°"
-            if len(heights) == 1
-            else f", with the Sun at {heights[0]}° to {heights[-1]}°"
-        )
-    )
+    suns = f"under {_describe_suns(facts)}, the last" if _has_suns(facts) else "with the Sun"
+    sun = f", {suns} at {_format_range(heights)}°" if heights else ""
     return [sentence for entry in summary if (sentence := _make_head_sentence(entry, sun))]
+
+
+def _has_suns(facts: _Entries) -> bool:
+    """Whether sites are decided on by several Suns."""
+    return any("suns" in fact for fact in facts)
+
+
+def _describe_suns(facts: _Entries) -> str:
+    """The numbers of Suns of sites in words."""
+    numbers = sorted({len(fact.get("suns", [fact])) for fact in facts})
+    return f"{_format_range(numbers)} Suns"
+
+
+def _format_range(values: Sequence[int]) -> str:
+    """The first and the last of sorted values, in words."""
+    return f"{values[0]}" if len(values) == 1 else f"{values[0]} to {values[-1]}"
 
 
 def _make_head_sentence(entry: Mapping[str, Any], sun: str) -> str:
@@ -405,6 +415,15 @@ def find_notes(rows: _Entries, facts: _Entries, on_choices: bool = True) -> list
         *_find_notes_on_scenes(rows, facts),
         *(_find_notes_on_choices(rows, facts) if on_choices else ()),
     ]
+
+
+def _find_notes_on_suns(facts: _Entries) -> Iterator[str]:
+    if _has_suns(facts):
+        yield (
+            f"Each site is decided on once, by the joined disparities of its pairs under {_describe_suns(facts)}; "
+            "light, contrast and name are of the last pair, the one of the latest date, or of the last name without "
+            "dates."
+        )
 
 
 def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
@@ -548,7 +567,7 @@ def _make_csv(rows: _Entries) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     keys = (column.key for column in COLUMNS)
-    writer.writerow(["pair", "method", "status", "base_rate", *keys, "chosen_margin", "guarantee"])
+    writer.writerow(["pair", "method", "status", "base_rate", *keys, "chosen_margin", "guarantee", "suns"])
     for row in rows:
         rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
         numbers = [read_number(row, column) for column in COLUMNS]
@@ -560,6 +579,7 @@ def _make_csv(rows: _Entries) -> str:
                 "" if rate is None else f"{rate:.6g}",
                 *("" if math.isnan(number) else f"{number:.6g}" for number in numbers),
                 *_list_guarantee_cells(row),
+                row.get("suns", 1),
             ]
         )
     return stream.getvalue()

@@ -19,6 +19,7 @@ from ...rays.engine import open_tracer
 from ...rays.shapes import World
 from ...rays.stereo_truth import Eye
 from ...render.pairs.pair_folder import Pair
+from ...settings.description import merged
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..decisions.dem import Grid
@@ -35,7 +36,7 @@ from ..decisions.workspace import (
 )
 from ..fusion.match_prepared import find_search_ranges, match_prepared
 from ..images import colours
-from ..images.develop import develop
+from ..images.develop import DevelopedImages, develop
 from ..images.exr import Light
 from ..learning.grounds import FULL, Ground, Recipe, Variety, draw_recipe
 from ..learning.made_pairs import Faults, View, render_eye, trace_truth
@@ -111,11 +112,9 @@ def prepare_made_pair(
     rays; the sensor's follows from the settings.
     """
     view = look(ground, lander, light)
-    pair = state_pair(ground.recipe, lander, view)
     depth, hidden = trace_truth(ground, view)
-    radiance = (render_eye(ground, light, eye, rays_per_pixel, random) for eye in (view.left, view.right))
-    left_light, right_light = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in radiance)
-    images = develop(pair, left_light, right_light, lander)
+    pair = state_pair(ground.recipe, lander, view)
+    images = _render_images(ground, pair, view, rays_per_pixel, random)
     left, right = images.for_matchers()
     truth = np.where(np.isfinite(depth), depth, np.nan)
     in_both = np.arange(pair.camera.width_px) + 0.5 >= pair.camera.disparity(truth)
@@ -132,6 +131,34 @@ def prepare_made_pair(
         {"settings": lander},
         images=images,
     )
+
+
+def prepare_pair_again(
+    prepared: PreparedPair,
+    ground: Ground,
+    light: Lighting,
+    rays_per_pixel: int,
+    random: np.random.Generator,
+    noise_seed: int,
+) -> PreparedPair:
+    """The pair under another light, or with other noise, by the same camera in the same pose. The fixed pattern of the
+    sensor stays."""
+    lander = merged(prepared.facts["settings"], {"sensor": {"noise_seed": noise_seed}})
+    view = look(ground, lander, light)
+    pair = state_pair(ground.recipe, lander, view)
+    images = _render_images(ground, pair, view, rays_per_pixel, random)
+    left, right = images.for_matchers()
+    facts, gradient = {"settings": lander}, measure_texture(left)
+    return replace(prepared, pair=pair, left=left, right=right, gradient=gradient, facts=facts, images=images)
+
+
+def _render_images(
+    ground: Ground, pair: Pair, view: View, rays_per_pixel: int, random: np.random.Generator
+) -> DevelopedImages:
+    """The images of a view by the sensor of the pair's settings."""
+    radiance = [render_eye(ground, view.light, eye, rays_per_pixel, random) for eye in (view.left, view.right)]
+    left, right = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in radiance)
+    return develop(pair, left, right, pair.settings)
 
 
 def find_top_heights(ground: Ground, grid: Grid) -> Array:
@@ -177,9 +204,11 @@ def summarise_decisions(workspace: Workspace, found: DecisionMaps) -> dict[str, 
     """The numbers of decisions, as in a row of ``icymoon decide``; ``fails`` is the rule that the chosen site fails
     first in truth.
     """
-    sites = compare_with_truth(workspace, found)["sites"]
+    compared = compare_with_truth(workspace, found)
+    sites = compared["sites"]
     code = SAFE if sites["chosen"] is None else workspace.truth.sites.failed[tuple(sites["chosen"])]
     return {
+        "dem": compared["dem"],
         "sites": {key: value for key, value in sites.items() if key not in _LEFT_OUT},
         "fails": None if code == SAFE else RULE_NAMES[code - 1],
         "features": measure_features(workspace, found),

@@ -65,13 +65,13 @@ def test_measurements_below_the_limit_of_confidence_are_not_used(monkeypatch):
     camera, confidence = pairs.camera(4, 2), np.array([[0.0, 0.4, 0.5, 1.0]] * 2)
     one = np.ones((2, 4))
     prepared = SimpleNamespace(visible=one > 0, truth=one, pair=SimpleNamespace(camera=camera), depth_camera=camera)
-    stub: Any = SimpleNamespace(prepared=prepared)
+    stub: Any = prepared
     (method,) = parse_methods("jplv")
 
     def find_depth(limit, stated):
         info = {"confidence": stated, "seconds": 1.0}
         monkeypatch.setattr(decide, "match_prepared", lambda *_: (8 * one, info))
-        return decide._match_depth(stub, method, limit)[0]
+        return decide._match(stub, method, limit)[0]
 
     np.testing.assert_array_equal(np.isfinite(find_depth(0.5, confidence)), confidence >= 0.5)
     assert np.isfinite(find_depth(0.0, None)).all()

@@ -27,7 +27,12 @@ from icymoon.stereo.decisions.calibration_file import (
     read_calibration,
     write_calibration,
 )
-from icymoon.stereo.decisions.calibration_pairs import StatedPair, check_group_settings, name_group
+from icymoon.stereo.decisions.calibration_pairs import (
+    StatedPair,
+    check_group_settings,
+    join_statements,
+    name_group,
+)
 from icymoon.stereo.decisions.guarantee import (
     apply_calibration,
     bound_share,
@@ -416,6 +421,33 @@ def test_a_matcher_that_no_margin_makes_safe_abstains():
     entries = calibrate_matchers(rows, stated, INPUTS, Goal())
     assert entries["bm"][CHOICE]["acted"] == 0
     assert "so it always abstains" in make_sentences(entries, Goal())[0]
+
+
+def test_a_calibration_of_another_number_of_suns_is_refused(tmp_path):
+    rows, stated = draw_grounds(60)
+    entries = calibrate_matchers(rows, stated, INPUTS, Goal())
+    new = {"n": StatedPair("new", "", DEVICES)}
+    for suns, other in ((1, 4), (4, 1), (4, 3)):
+        path = tmp_path / f"{suns}_{other}.json"
+        write_calibration(path, Goal(), replace(CONDITIONS, suns=suns), list(stated.values()), entries)
+        calibration = read_calibration(path)
+        check_use(calibration, replace(CONDITIONS, suns=suns), new, INPUTS)
+        with pytest.raises(IcyMoonError, match=r"Sun.* joined by --fuse-suns.*; decide on as many, or calibrate again"):
+            check_use(calibration, replace(CONDITIONS, suns=other), new, INPUTS)
+
+
+def test_a_calibration_of_one_sun_is_written_as_before():
+    assert "suns" not in CONDITIONS.to_json()
+    assert replace(CONDITIONS, suns=2).to_json() == CONDITIONS.to_json() | {"suns": 2}
+
+
+def test_a_site_has_the_devices_of_all_its_pairs():
+    one, other = StatedPair("g", "x", {"rig": "r", "sensor": "a"}), StatedPair("g", "y", {"rig": "r", "sensor": "b"})
+    assert join_statements([one]) == one
+    joined = join_statements([one, other])
+    assert (joined.ground, joined.group, joined.devices["rig"]) == ("g", "y", "r")
+    assert joined.devices["sensor"] not in ("a", "b")
+    assert joined.devices == join_statements([other, one]).devices
 
 
 def test_a_run_makes_or_uses_a_calibration_and_not_both(tmp_path):

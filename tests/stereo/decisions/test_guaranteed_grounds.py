@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from icymoon.benchmarks.common import ray_grounds as grounds
 from icymoon.benchmarks.stereo import guaranteed_grounds as study
 from icymoon.stereo.decisions.calibration import Goal
 from icymoon.stereo.decisions.height_errors import QUANTITIES
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH
 from icymoon.stereo.decisions.workspace import FEATURES, decide_from_depth
+from icymoon.stereo.design.made_workspaces import name_pair
 from icymoon.stereo.learning.grounds import HELD_OUT_LANDFORMS, build_ground, close_ground
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.report.row_log import RowLog
@@ -37,13 +39,13 @@ def make_row(number, margin, unsafe, alike=True):
 
 
 def test_no_ground_both_calibrates_and_tests():
-    found = study.draw_grounds(3, 6, 5, 4)
-    assert [len(found[kind]) for kind in (study.CALIBRATION, study.TEST, study.LANDFORM)] == [6, 5, 4]
+    found = grounds.draw_grounds(3, 6, 5, 4)
+    assert [len(found[kind]) for kind in (grounds.CALIBRATION, grounds.TEST, grounds.LANDFORM)] == [6, 5, 4]
     everything = [recipe for own in found.values() for recipe in own]
-    assert len({study.name_pair(recipe) for recipe in everything}) == 15
+    assert len({name_pair(recipe) for recipe in everything}) == 15
     assert not any(recipe.shapes for recipe in everything)
-    assert {recipe.terrain for recipe in found[study.LANDFORM]} <= set(HELD_OUT_LANDFORMS)
-    assert not any(recipe.terrain in HELD_OUT_LANDFORMS for recipe in found[study.CALIBRATION] + found[study.TEST])
+    assert {recipe.terrain for recipe in found[grounds.LANDFORM]} <= set(HELD_OUT_LANDFORMS)
+    assert not any(recipe.terrain in HELD_OUT_LANDFORMS for recipe in found[grounds.CALIBRATION] + found[grounds.TEST])
 
 
 def test_counts_are_those_of_grounds_by_hand():
@@ -51,7 +53,7 @@ def test_counts_are_those_of_grounds_by_hand():
     ground is accepted from 93 on.
     """
     rows = [make_row(k, 0.2 if k < 10 else 0.5, int(k < 10)) for k in range(70)]
-    calibration = study.calibrate(rows, Goal())
+    calibration = grounds.calibrate(rows, Goal())
     new = [
         make_row(100, 0.5, 0),
         make_row(101, 0.4, 0),
@@ -59,26 +61,26 @@ def test_counts_are_those_of_grounds_by_hand():
         make_row(103, 0.2, 1),
         make_row(104, 0.5, 0, alike=False),
     ]
-    (found,) = study.apply(calibration, new)
+    (found,) = grounds.apply(calibration, new)
     assert found["threshold"] == 0.21
     assert (found["acted"], found["unsafe"], found["unlike"], found["abstained"]) == (3, 1, 1, 1)
     assert found["lost"][0] == pytest.approx(0.5)
     counts = {"grounds": 5, "acted": 5, "unsafe": 2, "dangerous": 1, "fails": {"slope": 2}}
-    assert study.count_choices(new) == {"bm": counts}
+    assert grounds.count_choices(new) == {"bm": counts}
 
 
 def test_lost_cells_are_counted_without_those_of_unlike_grounds():
     rows = [make_row(0, 0.5, 3), make_row(1, 0.5, 0), make_row(2, 0.1, 0)]
     for row, verdict in zip(rows, ("guaranteed", "unlike", "abstains"), strict=True):
         row["guarantee"] = {"verdict": verdict}
-    assert study.find_lost_shares(rows, 0.3) == pytest.approx(np.array([[0.5, 0.5], [0.5, 1.0], [0.5, 1.0]]))
-    assert (study.find_lost_shares(rows, None)[:, 1] == 1).all()
+    assert grounds.find_lost_shares(rows, 0.3) == pytest.approx(np.array([[0.5, 0.5], [0.5, 1.0], [0.5, 1.0]]))
+    assert (grounds.find_lost_shares(rows, None)[:, 1] == 1).all()
 
 
 @pytest.mark.left_to_ci
 def test_the_true_depth_agrees_with_the_exact_heights():
     """A shift by a cell of 2 cm would change heights by 2 mm and more on slopes of 6 degrees and more."""
-    ground = build_ground(study.draw_grounds(0, 2, 0, 0)[study.CALIBRATION][1])
+    ground = build_ground(grounds.draw_grounds(0, 2, 0, 0)[grounds.CALIBRATION][1])
     try:
         workspace = study.make_workspace_of_ground(ground)
     finally:
@@ -91,7 +93,7 @@ def test_the_true_depth_agrees_with_the_exact_heights():
 @pytest.mark.left_to_ci
 def test_a_second_start_takes_the_rows_of_the_first(tmp_path):
     """Rows that are made again would have other CPU seconds."""
-    recipe = study.draw_grounds(0, 2, 0, 0)[study.CALIBRATION][1]
+    recipe = grounds.draw_grounds(0, 2, 0, 0)[grounds.CALIBRATION][1]
     file, methods = tmp_path / "rows.jsonl", parse_methods("bm")
     rows = study.make_rows(recipe, methods, RowLog(file))
     assert [(row["method"], row["status"]) for row in rows] == [(TRUE_DEPTH, "ok"), ("bm", "ok")]
