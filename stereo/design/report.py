@@ -19,7 +19,7 @@ from ...support.number_text import format_count, show_rounded
 from ...support.version import version
 from ..inference.risk_control import bound_risk, count_fewest_grounds
 from ..matchers.methods import describe_method
-from ..report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, make_figure, render_svg, set_logarithmic
+from ..report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
 from ..report.page_templates import read_template
 from .compare_suites import (
     BEATEN,
@@ -60,11 +60,11 @@ COLUMNS = (
     "Unsafe",
     "Dangerous",
     "Risk",
+    "Risk, landforms",
     "Safe lost (%)",
     "Energy (J)",
     "CPU (s)",
     "Place",
-    "Risk, landforms",
 )
 _CSV_COLUMNS = (
     "ground",
@@ -84,6 +84,8 @@ _CSV_COLUMNS = (
     "processor_j",
     "lidar_j",
 )
+#: Difference of two means that is rounding.
+_ROUNDING = 1e-12
 _Row = Mapping[str, Any]
 
 
@@ -181,11 +183,12 @@ def _make_front_sentences(suites: Sequence[_Row]) -> Iterable[str]:
     if not suites:
         return
     best = min(suites, key=lambda entry: entry[RISK]["mean"])
-    low, high = best[RISK]["interval"]
+    (low, high), risk = best[RISK]["interval"], best[RISK]["mean"]
+    names = [entry["suite"] for entry in suites if entry[RISK]["mean"] <= risk + _ROUNDING]
     yield (
-        f"Of {format_count(len(suites), 'suite')} on {format_count(best['grounds'], 'ground')}, {best['suite']} has "
-        f"the least measured risk, {best[RISK]['mean']:.3f} ({_show(low)} to {_show(high)}); as the least of several "
-        "it is rather too low."
+        f"Of {format_count(len(suites), 'suite')} on {format_count(best['grounds'], 'ground')}, {', '.join(names)} "
+        f"{'has' if len(names) == 1 else 'have'} the least measured risk, {risk:.3f} ({_show(low)} to {_show(high)}); "
+        "as the least of several it is rather too low."
     )
     on_front = [entry["suite"] for entry in suites if entry["place"] == FRONT]
     yield (
@@ -253,12 +256,12 @@ def list_cells(entry: _Row) -> tuple[str, ...]:
         f"{entry['acted']} of {grounds}",
         f"{entry['unsafe']}, at most {100 * entry['unsafe_bound']:.0f} %",
         str(entry["dangerous"]),
-        _show_interval(entry[RISK], 1, 3),
+        _show_interval(entry[RISK], 1, 2),
+        "–" if other is None else _show_interval(other[RISK], 1, 2),
         _show_interval(entry["lost"], 100, 0),
         _show_rounded_interval(entry[ENERGY]),
         _show_rounded_interval(entry[TIME]),
         _describe_place(entry),
-        "–" if other is None else _show_interval(other[RISK], 1, 3),
     )
 
 
@@ -278,9 +281,8 @@ def _show_rounded_interval(found: _Row) -> str:
 
 
 def _describe_place(entry: _Row) -> str:
-    if entry["place"] == BEATEN:
-        return f"beaten by {', '.join(entry['beaten_by'])}"
-    return FRONT if entry["place"] == FRONT else f"open: {', '.join(entry['open_against'])}"
+    """The place of a suite, with those that beat it."""
+    return f"beaten by {', '.join(entry['beaten_by'])}" if entry["place"] == BEATEN else str(entry["place"])
 
 
 def _make_csv(design: Design, rows: Sequence[_Row]) -> str:
@@ -355,12 +357,13 @@ def _draw_front(suites: Sequence[_Row], quantity: str, label: str, name: str) ->
                 markerfacecolor="none" if entry["place"] == BEATEN else colour,
                 elinewidth=1.0,
                 capsize=2,
-                alpha=0.9,
+                linestyle="",
+                label=entry["suite"][:24],
             )
-            axis.annotate(entry["suite"][:24], (cost, middle), (5, 4), textcoords="offset points", color=colour)
         set_logarithmic(axis, "x")
         axis.set_ylim(bottom=0)
-        axis.margins(x=0.18)
+        axis.margins(x=0.08)
         axis.set_xlabel(label)
         axis.set_ylabel("Risk of a decision")
+        add_legend(figure, axis, 5)
         return render_svg(figure, f"design-{name}", f"Risk against {label.lower()}, means with 95 % intervals")

@@ -12,6 +12,7 @@ from icymoon.commands.cli import main
 from icymoon.stereo.cli import main as stereo_main
 from icymoon.stereo.design import measure_suites as study_of
 from icymoon.stereo.design.report import FIRST_BYTES
+from icymoon.support.errors import IcyMoonError
 
 #: Share of unsafe choices of each suite.
 UNSAFE = {"base": 0.2, "short": 0.0, "wide": 0.2, "fine": 0.2, "bm": 0.9, "jplv": 0.1}
@@ -100,6 +101,21 @@ def test_the_files_state_the_same_numbers(made, tmp_path, capsys):
     assert all(sentence in page.replace("&#39;", "'") for sentence in (*report["head"], *report["notes"]))
     assert "Lamps are left out" in page
     assert all(source.replace("'", "&#39;") in page for source in report["sources"].values() if "Ouster" in source)
+
+
+def test_a_study_in_which_all_fails_still_has_a_report(made, tmp_path, capsys, monkeypatch):
+    def fail(self, suite):
+        raise IcyMoonError("no light; turn it on.")
+
+    monkeypatch.setattr(study_of._OpenGround, "measure", fail)
+    assert run(tmp_path) == 1
+    assert (
+        "400 of the decisions failed, the first one: no light; turn it on." in capsys.readouterr().err.splitlines()[-1]
+    )
+    report = json.loads((tmp_path / "design.json").read_text())
+    assert (report["suites"], report["ranking"], len(report["failed"])) == ([], None, 400)
+    assert "40 grounds on which a suite failed count nowhere." in report["notes"]
+    assert "400 failed" in (tmp_path / "design.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("start", [main, stereo_main])
