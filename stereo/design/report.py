@@ -56,6 +56,7 @@ FIRST_BYTES = {
 #: The heads of the table, in a terminal and on the page.
 COLUMNS = (
     "Suite",
+    "Place",
     "Acts",
     "Unsafe",
     "Dangerous",
@@ -64,7 +65,6 @@ COLUMNS = (
     "Safe lost (%)",
     "Energy (J)",
     "CPU (s)",
-    "Place",
 )
 _CSV_COLUMNS = (
     "ground",
@@ -217,14 +217,22 @@ def _make_ranking_sentences(ranking: _Row | None, landforms: Measured) -> Iterab
         yield "The ranking by risk cannot be compared with the held-out landforms, because all suites have one risk."
         return
     ends = {
-        HOLDS: f"the ranking is stable, tau is at least {STABLE_TAU:g}",
-        FAILS: f"the ranking is not stable, tau is below {STABLE_TAU:g}",
+        HOLDS: f"The ranking is stable: tau is at least {STABLE_TAU:g}.",
+        FAILS: f"The ranking is not stable: tau is below {STABLE_TAU:g}.",
     }
-    verdict = ends.get(ranking["verdict"], f"the grounds leave open whether tau is at least {STABLE_TAU:g}")
     yield (
         f"Kendall's tau-b of the rankings by risk, on these grounds and on {len(landforms.grounds)} of held-out "
-        f"landforms, is {ranking['tau']:.2f} ({low:.2f} to {high:.2f}): {verdict}."
+        f"landforms, is {ranking['tau']:.2f} ({low:.2f} to {high:.2f}); of random halves of these grounds it is "
+        f"{_show_tau(ranking['halves'])}. "
+        + ends.get(
+            ranking["verdict"],
+            f"So the grounds leave open whether the ranking is stable, with a tau of at least {STABLE_TAU:g}.",
+        )
     )
+
+
+def _show_tau(tau: float | None) -> str:
+    return "undefined" if tau is None else f"{tau:.2f}"
 
 
 def _make_notes(own: Measured, landforms: Measured) -> list[str]:
@@ -253,6 +261,7 @@ def list_cells(entry: _Row) -> tuple[str, ...]:
     grounds, other = entry["grounds"], entry["landforms"]
     return (
         entry["suite"],
+        _describe_place(entry),
         f"{entry['acted']} of {grounds}",
         f"{entry['unsafe']}, at most {100 * entry['unsafe_bound']:.0f} %",
         str(entry["dangerous"]),
@@ -261,7 +270,6 @@ def list_cells(entry: _Row) -> tuple[str, ...]:
         _show_interval(entry["lost"], 100, 0),
         _show_rounded_interval(entry[ENERGY]),
         _show_rounded_interval(entry[TIME]),
-        _describe_place(entry),
     )
 
 

@@ -114,10 +114,23 @@ def test_few_grounds_decide_nothing_about_cost():
 def test_rankings_of_the_same_grounds_agree_exactly():
     loss = make_measured([1, 20, 40, 60], [1.0] * 4, [1.0] * 4).loss
     found = compare_rankings(loss, loss, 0)
-    assert found == {"tau": 1.0, "interval": [1.0, 1.0], "verdict": HOLDS}
-    assert compare_rankings(loss, loss[:, ::-1], 0) == {"tau": -1.0, "interval": [-1.0, -1.0], "verdict": FAILS}
+    assert found == {"tau": 1.0, "interval": [1.0, 1.0], "halves": 1.0, "verdict": HOLDS}
+    turned = compare_rankings(loss, loss[:, ::-1], 0)
+    assert turned == {"tau": -1.0, "interval": [-1.0, -1.0], "halves": 1.0, "verdict": FAILS}
     level = np.zeros((GROUNDS, 4))
-    assert compare_rankings(level, loss, 0) == {"tau": None, "interval": [-1.0, 1.0], "verdict": OPEN}
+    unknown = compare_rankings(level, loss, 0)
+    assert unknown == {"tau": None, "interval": [-1.0, 1.0], "halves": None, "verdict": OPEN}
+
+
+@pytest.mark.left_to_ci
+def test_noise_alone_is_no_instability():
+    """Suites of one true risk are ranked by chance. Their rankings agree badly, and so do those of halves."""
+    random = np.random.default_rng(1)
+    own, other = (np.where(random.random((GROUNDS, 8)) < 0.1, 1.0, 0.0) for _ in range(2))
+    found = compare_rankings(own, other, 0)
+    assert found["interval"][1] < 0.8
+    assert found["halves"] < 0.5
+    assert found["verdict"] == OPEN
 
 
 @pytest.mark.left_to_ci
