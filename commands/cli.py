@@ -23,6 +23,7 @@ STEREO_VERBS = (
     "metrics",
     "evaluate",
     "decide",
+    "design",
     "fuse",
     "truth",
     "export",
@@ -44,6 +45,11 @@ _MODULE_BY_VERB = {
         "measure the decisions of a lander by each matcher, and write a report",
         "evaluate",
         "add_decide_options",
+    ),
+    "design": (
+        "compare suites of sensors by decision risk, energy and processor time, on grounds by rays",
+        "evaluate",
+        "add_design_options",
     ),
     "fuse": (
         "join matchers with sparse range points, and compare both, by the number of points",

@@ -1,4 +1,4 @@
-"""The evaluator's verbs ``evaluate``, ``decide`` and ``fuse``, with a default folder for the results."""
+"""The evaluator's verbs ``evaluate``, ``decide``, ``fuse`` and ``design``; the first three have a default folder."""
 
 from __future__ import annotations
 
@@ -23,6 +23,12 @@ def add_fuse_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``fuse``."""
     stereo.add_fuse_options(parser, out_needed=False)
     parser.set_defaults(run=_run_fuse)
+
+
+def add_design_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``design``."""
+    stereo.add_design_options(parser)
+    parser.set_defaults(run=stereo.run_design)
 
 
 def _run_evaluate(options: argparse.Namespace) -> int:

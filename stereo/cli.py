@@ -29,6 +29,7 @@ from ..support.terminal import (
     tell_events,
 )
 from .days_command import add_days_options, run_days_command
+from .design_command import add_design_options, run_design
 from .environment import packages
 from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins, list_options, list_packages
 from .train_command import add_train_options, run_train
@@ -922,6 +923,11 @@ _COMMAND_BY_VERB: dict[
         "measure what a lander would decide by each matcher: heights, sites, landing pads",
         add_decide_options,
         run_decide,
+    ),
+    "design": (
+        "compare suites of sensors by decision risk, energy and processor time, on grounds by rays",
+        add_design_options,
+        run_design,
     ),
     "fuse": (
         "join matchers with sparse range points, and compare both, by the number of points",

@@ -16,6 +16,7 @@ from icymoon.plugins.installed import GROUPS
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import preset_files
 from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
+from icymoon.stereo.design.read_design import find_design, read_design
 from icymoon.support.version import ROOT, version
 from sources import SOURCES
 
@@ -174,6 +175,11 @@ def test_every_settings_file_loads(block, tmp_path):
         return
     if "plan" in raw:
         assert block.code.startswith("# not counted") or read_plan(file).pairs()
+        return
+    if "suite" in raw:  # with the head of the shipped design
+        shipped = find_design("suites").read_text(encoding="utf-8")
+        file.write_text(shipped[: shipped.index("[[suite]]")] + block.code, encoding="utf-8")
+        assert len(read_design(file).suites) == len(raw["suite"])
         return
     assert preset_files.load(file) or not raw
     for name in set(raw.get("sources", {})):

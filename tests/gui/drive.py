@@ -1332,7 +1332,9 @@ def render_in_a_local_view() -> Waiting:
 
 
 def build_a_workspace() -> Waiting:
-    """The ground before a lander, small and coarse, without the lander."""
+    """The ground before a lander, small and coarse, without the lander, and no window before it."""
+    yield from until(lambda: session().reading is None and not session().to_show, "Showing the last pair")
+    yield 10 * TICK_S
     for item in list(manager().windows)[1:]:
         with bpy.context.temp_override(window=item):
             bpy.ops.wm.window_close()

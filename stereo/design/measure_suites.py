@@ -1,0 +1,234 @@
+"""The choices of sensor suites on the same grounds, a row for each suite and ground."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...settings.description import merged
+from ...settings.topics.scene import Settings
+from ...support.errors import DiskError, describe_error
+from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Maybe, Shape
+from ...support.files import make_json_digest
+from ..decisions.rules import Rules
+from ..decisions.workspace import Workspace, decide_from_depth
+from ..fusion.match_prepared import list_method_inputs
+from ..fusion.suns import join_disparities
+from ..learning.grounds import Ground, Recipe, Variety, build_ground, close_ground, make_split_generator
+from ..learning.made_pairs import draw_light
+from ..learning.radiance import Lighting
+from ..matchers.resident_process import stop_residents
+from ..measure.prepare_pair import PreparedPair
+from ..measure.row_metrics import disparity_to_depth
+from ..report.row_log import Row, RowLog
+from .made_workspaces import (
+    draw_recipes,
+    match_disparity,
+    name_pair,
+    open_made_workspace,
+    prepare_made_pair,
+    summarise_decisions,
+)
+from .read_design import Design, Suite
+
+Event = Callable[[dict[str, Any]], None]
+#: The splits of the grounds: terrains of the design, and landforms that are held out.
+OWN, LANDFORM = "ground", "landform"
+#: Increased when the same input gives other numbers.
+DESIGN_VERSION = 1
+#: The place of the light among the random streams of a ground.
+_LIGHT = 5
+#: The numbers of a row: of the choice 0 or 1 each, or null where there is none; the numbers of all cells, of the safe,
+#: the taken, and the safe and taken ones; and what cost depends on.
+_NUMBERS_SHAPE: dict[str, Shape] = {
+    "unsafe_choice": Maybe(NUMBER, null=True),
+    "dangerous_choice": Maybe(NUMBER, null=True),
+    "no_site": Maybe(NUMBER, null=True),
+    "fails": Maybe(TEXT, null=True),
+    "cells": Each(COUNT),
+    "cpu_s": NUMBER,
+    "exposure_s": NUMBER,
+    "frames": COUNT,
+    "points": COUNT,
+}
+ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(_NUMBERS_SHAPE, null=True)}
+
+
+@dataclass(frozen=True)
+class Study:
+    """A design with the rules of its decisions; ``basis`` is what its rows depend on besides, such as versions."""
+
+    design: Design
+    rules: Rules
+    basis: Sequence[Any]
+
+    def make_key(self, suite: Suite) -> str:
+        """A digest of everything but the ground that determines the rows of a suite. Its name is not a part."""
+        design = self.design
+        return make_json_digest(
+            [
+                DESIGN_VERSION,
+                *self.basis,
+                self.rules.to_json(),
+                list(design.variety.terrains),
+                list(design.variety.suns_deg),
+                design.rays_per_pixel,
+                suite.settings,
+                suite.suns,
+                list_method_inputs(suite.method),
+                dict(suite.method.lidar or {}),
+            ]
+        )
+
+
+def draw_grounds(design: Design, seed: int, grounds: int, landforms: int) -> list[Recipe]:
+    """The recipes of the grounds of the design's terrains, then of the held-out landforms."""
+    return [
+        recipe
+        for split, count in ((OWN, grounds), (LANDFORM, landforms))
+        for recipe in draw_recipes(seed, split, count, design.variety)
+    ]
+
+
+def measure_suites(study: Study, recipes: Sequence[Recipe], log: RowLog, on_event: Event) -> list[Row]:
+    """The rows of all suites on all grounds, ground by ground; missing ones are made and logged at once."""
+    rows: list[Row] = []
+    warm: set[str] = set()
+    total = len(recipes) * len(study.design.suites)
+    try:
+        for recipe in recipes:
+            for row in _measure_ground(study, recipe, log, warm):
+                rows.append(row)
+                if row["error"]:
+                    on_event({"type": "error", "message": row["error"]})
+                on_event(
+                    {
+                        "type": "progress",
+                        "fraction": len(rows) / total,
+                        "done": len(rows),
+                        "total": total,
+                        "message": f"{row['pair']} {row['method']}",
+                    }
+                )
+    finally:
+        stop_residents()
+    return rows
+
+
+def _measure_ground(study: Study, recipe: Recipe, log: RowLog, warm: set[str]) -> Iterator[Row]:
+    """The rows of a ground, suite by suite; suites that are alike but for their names share their numbers. ``warm`` are
+    the methods that have run in this process.
+    """
+    name = name_pair(recipe)
+    keys = {suite: study.make_key(suite) for suite in study.design.suites}
+    there = {suite: row for suite, key in keys.items() if (row := log.find(name, suite.name, key))}
+    known = {row["key"]: row for row in there.values()}
+    opened = None
+    try:
+        for suite, key in keys.items():
+            if key not in known:
+                opened = opened or _OpenGround(study, recipe, warm)
+                known[key] = _make_row(opened, suite, name, key)
+            if suite not in there:
+                there[suite] = known[key] | {"method": suite.name}
+                log.append(there[suite])
+            yield there[suite]
+    finally:
+        if opened is not None:
+            opened.close()
+
+
+def _make_row(opened: _OpenGround, suite: Suite, name: str, key: str) -> Row:
+    row: Row = {"pair": name, "method": suite.name, "key": key, "status": "ok", "error": "", "numbers": None}
+    try:
+        return row | {"numbers": opened.measure(suite)}
+    except DiskError:
+        raise
+    except Exception as error:
+        return row | {"status": "failed", "error": describe_error(error, f"suite {suite.name} on {name}")}
+
+
+class _OpenGround:
+    """A ground with its triangles, and the pairs that suites with the same camera share."""
+
+    def __init__(self, study: Study, recipe: Recipe, warm: set[str]) -> None:
+        self._study, self._recipe, self._warm = study, recipe, warm
+        self._ground: Ground = build_ground(recipe)
+        self._pairs: dict[tuple[str, int], PreparedPair] = {}
+        self._workspaces: dict[str, Workspace] = {}
+
+    def close(self) -> None:
+        """Free the triangles."""
+        close_ground(self._ground)
+
+    def measure(self, suite: Suite) -> dict[str, Any]:
+        """The numbers of a suite, see ``_NUMBERS_SHAPE``. The lander chooses under the first Sun: its image tells where
+        light is.
+        """
+        workspace = self._open_workspace(suite.settings)
+        disparities, seconds = [], 0.0
+        pairs = [self._prepare(suite.settings, sun) for sun in range(suite.suns)]
+        if suite.method.label not in self._warm:  # a first run loads libraries, which is no time of a decision
+            match_disparity(pairs[0], suite.method)
+            self._warm.add(suite.method.label)
+        for prepared in pairs:
+            disparity, spent = match_disparity(prepared, suite.method)
+            disparities.append(disparity)
+            seconds += spent
+        start = time.process_time()
+        disparity = join_disparities(np.stack(disparities))
+        seconds += time.process_time() - start
+        found = decide_from_depth(workspace, disparity_to_depth(pairs[0], disparity))
+        decided = summarise_decisions(workspace, found)
+        frames = [frame.seconds for each in pairs if each.images is not None for frame in each.images.frames]
+        return {
+            **{key: decided["sites"][key] for key in ("unsafe_choice", "dangerous_choice", "no_site", "cells")},
+            "fails": decided["fails"],
+            "cpu_s": seconds,
+            "exposure_s": sum(frames),
+            "frames": len(frames),
+            "points": int(suite.method.lidar["points"]) if suite.method.lidar else 0,
+        }
+
+    def _open_workspace(self, settings: Settings) -> Workspace:
+        camera = make_json_digest(settings)
+        if camera not in self._workspaces:
+            made = open_made_workspace(self._ground, self._prepare(settings, 0), self._study.rules)
+            self._workspaces[camera] = made
+        return self._workspaces[camera]
+
+    def _prepare(self, settings: Settings, sun: int) -> PreparedPair:
+        """The pair of a camera under a Sun of the ground, with its own noise of light and sensor."""
+        where = make_json_digest(settings), sun
+        if where not in self._pairs:
+            seed = int(settings.sensor.noise_seed) + sun
+            lander = merged(settings, {"sensor": {"noise_seed": seed}}) if sun else settings
+            recipe, variety = self._recipe, self._study.design.variety
+            light = draw_sun(recipe, sun, variety)
+            random = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, sun, 1)
+            self._pairs[where] = prepare_made_pair(
+                self._ground, lander, light, self._study.design.rays_per_pixel, random
+            )
+        return self._pairs[where]
+
+
+def draw_sun(recipe: Recipe, sun: int, variety: Variety) -> Lighting:
+    """The light of a ground under one of its Suns: only the direction of the Sun differs from the first."""
+    first, own = (
+        draw_light(recipe.split, make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, k, 0), variety)
+        for k in (0, sun)
+    )
+    return replace(first, sun=own.sun)
+
+
+def sort_rows(rows: Sequence[Mapping[str, Any]], split: str) -> dict[str, dict[str, Mapping[str, Any]]]:
+    """The rows of the grounds of a split, by ground and suite."""
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        if row["pair"].startswith(f"{split}-"):
+            found.setdefault(row["pair"], {})[row["method"]] = row
+    return found

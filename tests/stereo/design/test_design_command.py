@@ -1,0 +1,147 @@
+"""The verb ``design`` with stand-ins for grounds: its files, a start after a kill, and wrong words."""
+
+from __future__ import annotations
+
+import csv
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from icymoon.commands.cli import main
+from icymoon.stereo.cli import main as stereo_main
+from icymoon.stereo.design import measure_suites as study_of
+from icymoon.stereo.design.report import FIRST_BYTES
+from icymoon.support.errors import IcyMoonError
+
+#: Share of unsafe choices of each suite.
+UNSAFE = {"base": 0.2, "short": 0.0, "wide": 0.2, "fine": 0.2, "bm": 0.9, "jplv": 0.1}
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Grounds without rays; the list has the (ground, suite) that were measured, and may hold a number after which the
+    run is stopped."""
+    made: dict[str, Any] = {"rows": [], "most": 10**9}
+
+    def measure(self, suite):
+        if len(made["rows"]) == made["most"]:
+            raise KeyboardInterrupt
+        made["rows"].append((self._recipe.number, suite.name))
+        random = np.random.default_rng([self._recipe.number, self._recipe.split == "landform", *suite.name.encode()])
+        unsafe = float(random.random() < UNSAFE.get(suite.name, 0.3))
+        return {
+            "unsafe_choice": unsafe,
+            "dangerous_choice": 0.0,
+            "no_site": 0.0,
+            "fails": "slope" if unsafe else None,
+            "cells": [100, 40, 20, 10],
+            "cpu_s": 0.1 + random.random() / 100,
+            "exposure_s": 0.01,
+            "frames": suite.suns,
+            "points": 100 if suite.method.lidar else 0,
+        }
+
+    monkeypatch.setattr(study_of, "build_ground", lambda recipe: None)
+    monkeypatch.setattr(study_of, "close_ground", lambda ground: None)
+    monkeypatch.setattr(study_of._OpenGround, "measure", measure)
+    return made
+
+
+def run(folder, *words):
+    return stereo_main(["design", "--out", str(folder), "--grounds", "20", "--landforms", "20", *words])
+
+
+@pytest.mark.left_to_ci
+def test_a_stopped_run_goes_on_to_the_files_of_a_whole_one(made, tmp_path, capsys):
+    assert run(tmp_path / "whole") == 0
+    printed = capsys.readouterr().out
+    assert "lidar_1000" in printed
+    assert "Kendall's tau-b" in printed
+    assert len(made["rows"]) == 40 * 10
+    made |= {"rows": [], "most": 57}
+    assert run(tmp_path / "parts") == 130
+    with (tmp_path / "parts" / "design.jsonl").open("a", encoding="utf-8") as stream:
+        stream.write('{"pair": "half a r')  # a kill while a row is written
+    made["most"] = 10**9
+    assert run(tmp_path / "parts") == 0
+    assert len(made["rows"]) == 40 * 10  # none was made twice
+    for name in ("design.jsonl", "design.csv"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    one, other = (json.loads((tmp_path / name / "design.json").read_text()) for name in ("whole", "parts"))
+    one["provenance"].pop("created")
+    other["provenance"].pop("created")
+    assert one == other
+    for name, begin in FIRST_BYTES.items():
+        assert (tmp_path / "whole" / name).read_bytes().startswith(begin)
+
+
+@pytest.mark.left_to_ci
+def test_the_files_state_the_same_numbers(made, tmp_path, capsys):
+    assert run(tmp_path / "out", "--json-lines") == 0
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert last["type"] == "result"
+    report = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert last["suites"] == report["suites"]
+    with (tmp_path / "out" / "design.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 400
+    for entry in report["suites"]:
+        own = [row for row in rows if row["suite"] == entry["suite"] and row["landform"] == "0"]
+        assert entry["unsafe"] == sum(row["unsafe"] == "1" for row in own)
+        assert entry["risk"]["mean"] == pytest.approx(np.mean([float(row["loss"]) for row in own]))
+        energy = [sum(float(row[part]) for part in ("camera_j", "processor_j", "lidar_j")) for row in own]
+        assert entry["energy_j"]["mean"] == pytest.approx(np.mean(energy), rel=1e-5)
+        assert len(own) == 20
+    assert len(report["differences"]) == 45
+    assert {entry["suite"] for entry in report["suites"] if entry["place"] == "beaten"} <= {"bm"}
+    page = (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == 2
+    assert all(entry["suite"] in page for entry in report["suites"])
+    assert all(sentence in page.replace("&#39;", "'") for sentence in (*report["head"], *report["notes"]))
+    assert "Lamps are left out" in page
+    assert all(source.replace("'", "&#39;") in page for source in report["sources"].values() if "Ouster" in source)
+
+
+def test_a_study_in_which_all_fails_still_has_a_report(made, tmp_path, capsys, monkeypatch):
+    def fail(self, suite):
+        raise IcyMoonError("no light; turn it on.")
+
+    monkeypatch.setattr(study_of._OpenGround, "measure", fail)
+    assert run(tmp_path) == 1
+    assert (
+        "400 of the decisions failed, the first one: no light; turn it on." in capsys.readouterr().err.splitlines()[-1]
+    )
+    report = json.loads((tmp_path / "design.json").read_text())
+    assert (report["suites"], report["ranking"], len(report["failed"])) == ([], None, 400)
+    assert "40 grounds on which a suite failed count nowhere." in report["notes"]
+    assert "400 failed" in (tmp_path / "design.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("start", [main, stereo_main])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["--grounds", "19"],
+            "--grounds is 19, and intervals of risk, energy and time need 20 grounds; give 20 or more",
+        ),
+        (["--landforms", "0"], "--landforms is 0, and"),
+        (["--seed", "-1"], "--seed is -1; give 0 or more"),
+        (["suits"], "no design 'suits', did you mean 'suites'"),
+        (["absent.toml"], "absent.toml: cannot be read"),
+    ],
+)
+def test_wrong_words_are_one_sentence(start, words, said, tmp_path, capsys):
+    assert start(["design", *words, "--out", str(tmp_path / "out")]) == 1
+    found = capsys.readouterr().err
+    assert said in found
+    assert len(found.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_of_another_program_are_kept(tmp_path, capsys):
+    (tmp_path / "design.csv").write_text("a,b\n")
+    assert run(tmp_path) == 1
+    assert "design.csv was not written by an evaluation" in capsys.readouterr().err
+    assert (tmp_path / "design.csv").read_text() == "a,b\n"
