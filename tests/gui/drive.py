@@ -263,7 +263,7 @@ def vary_by_plus() -> Waiting:
 def vary_by_mouse() -> Waiting:
     """Vary the Sun's elevation from the context menu of its field, render the variations and look at the curve."""
     folder, group = FOLDER / "varied", window().scene.icymoon
-    kept = group.dataset.folder, group.dataset.evaluate, group.dataset.methods
+    kept, pairs_before = (group.dataset.folder, group.dataset.evaluate, group.dataset.methods), group.pairs
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = str(folder), True, "sgbm"
     size = group.rig.width_px, group.rig.height_px, group.terrain.resolution
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = 160, 120, 129
@@ -311,6 +311,7 @@ def vary_by_mouse() -> Waiting:
     yield from screenshot("vary_curve")
     yield from person.close_second_window("the Image Editor")
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
+    group.pairs = pairs_before  # as this folder has them, and not the other one
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = size
     yield from to(*middle("UI"))
     yield from scroll(-400)
