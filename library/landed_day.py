@@ -12,13 +12,17 @@ if TYPE_CHECKING:
     from ..stereo.landed_day.day import LandedDay
 
 
+#: The greatest number of a ground: all before it are drawn, too.
+_MOST_NUMBER = 99_999
+
+
 def open_landed_day(
     number: int = 0,
     seed: int = 0,
     method: str = "sgbm",
     *,
-    ground: str | None = None,
-    lander: Mapping[str, Mapping[str, Any]] | str | None = None,
+    ground: str | Path | None = None,
+    lander: Mapping[str, Mapping[str, Any]] | str | Path | None = None,
     rules: str | Path | None = None,
     most_energy_wh: float = 1000.0,
 ) -> LandedDay:
@@ -27,26 +31,31 @@ def open_landed_day(
     Equal arguments and steps give equal observations, to the bit. ``method`` is the lander's matcher, as in
     ``evaluate``. ``ground`` is a preset or a TOML file whose terrain and rocks the grounds have, by default several
     gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor, workspace, scoop
-    and place on the moon. ``rules`` is a file of rules for sites. Close the day, or use it by ``with``. Raises
-    IcyMoonError for unknown names and values out of range, and for ground that rays cannot make.
+    and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` what the day may spend. Close
+    the day, or use it by ``with``. Raises IcyMoonError for unknown names and values out of range, and for ground that
+    rays cannot make.
     """
     # Matchers and rays are imported here, as ``import icymoon`` is light.
-    from ..settings.description import check, merged
+    from ..settings.description import check
     from ..settings.preset_files import load_named
     from ..stereo.decisions.rules import read_rules
     from ..stereo.design.default_lander import GENTLE_TERRAINS
     from ..stereo.design.made_workspaces import draw_recipes
     from ..stereo.landed_day.day import LandedDay
-    from ..stereo.landed_day.episodes import DAY_LANDER, draw_start
+    from ..stereo.landed_day.episodes import change_lander, draw_start
     from ..stereo.learning.grounds import Variety
     from ..stereo.matchers.methods import parse_methods
     from ..stereo.training_data import read_ground
 
-    if number < 0 or seed < 0:
-        raise IcyMoonError(f"The number {number} and the seed {seed} count from 0; give whole numbers from 0 on.")
-    own = None if ground is None else read_ground(ground, "ground ")
+    for name, value in (("number", number), ("seed", seed)):
+        if not isinstance(value, int) or not 0 <= value <= _MOST_NUMBER:
+            raise IcyMoonError(f"The {name} is {value!r}; give a whole number from 0 to {_MOST_NUMBER}.")
+    methods = parse_methods(method)
+    if len(methods) != 1:
+        raise IcyMoonError(f"The method is {method!r}, but a lander has one matcher; give one.")
+    own = None if ground is None else read_ground(str(ground), "ground ")
+    changes = load_named(str(lander)) if isinstance(lander, str | Path) else check(dict(lander or {}), "lander")
+    changed = change_lander(changes)
     recipe = draw_recipes(seed, "ground", number + 1, Variety(GENTLE_TERRAINS, own=own))[-1]
-    changes = load_named(lander) if isinstance(lander, str) else check(dict(lander or {}), "lander")
-    (matcher,) = parse_methods(method)
-    settings = draw_start(merged(DAY_LANDER, changes), recipe)
-    return LandedDay(recipe, settings, matcher, most_energy_wh, read_rules(None if rules is None else Path(rules)))
+    asked = read_rules(None if rules is None else Path(rules))
+    return LandedDay(recipe, draw_start(changed, recipe), methods[0], most_energy_wh, asked)

@@ -61,19 +61,18 @@ def run_days_command(parsed: argparse.Namespace) -> int:
     check_least(parsed, 0, "seed")
     _check_numbers(parsed)
     packages.require_modules(*packages.PACKAGES)
-    from ..settings.description import merged
     from ..settings.preset_files import load_named
     from .decisions.rules import read_rules
     from .design.default_lander import GENTLE_TERRAINS
     from .design.made_workspaces import draw_recipes
-    from .landed_day.episodes import DAY_LANDER, make_policy, run_days
+    from .landed_day.episodes import DAY_LANDER, change_lander, make_policy, run_days
     from .learning.grounds import Variety
     from .matchers.methods import parse_methods
     from .training_data import read_ground
 
     own = None if parsed.ground is None else read_ground(parsed.ground, "--ground ")
     recipes = draw_recipes(parsed.seed, "ground", parsed.days, Variety(GENTLE_TERRAINS, own=own))
-    lander = DAY_LANDER if parsed.lander is None else merged(DAY_LANDER, load_named(parsed.lander))
+    lander = DAY_LANDER if parsed.lander is None else change_lander(load_named(parsed.lander))
     (method,) = parse_methods(parsed.method)
     policy = make_policy(lander, looks=parsed.looks, least_margin=parsed.least_margin)
     lived = 0

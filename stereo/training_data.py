@@ -65,6 +65,6 @@ def read_ground(name: str, option: str) -> Settings:
     if settings.source.kind != "PROCEDURAL":
         raise IcyMoonError(
             f"{option}{name}: source.kind is {settings.source.kind}, and pairs made by rays have procedural ground "
-            "only; set it to PROCEDURAL, or render pairs of this ground with icymoon batch."
+            "only; give another file, or render pairs of this ground with icymoon batch."
         )
     return settings

@@ -21,6 +21,7 @@ SEVERAL = {
     "render/plans/vary_scene.py",
     "render/workers/verify_dataset.py",
     "stereo/decisions/report.py",
+    "stereo/design/read_design.py",
     "stereo/report/notes.py",
     "stereo/report/rare_failures.py",
     "stereo/report/verdict_text.py",

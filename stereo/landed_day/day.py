@@ -8,12 +8,14 @@ the truth; ``find_outcome`` compares with it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from operator import index
 from typing import Any, Self
 
 import numpy as np
 
 from ...physics.excavation.dig import ExcavationSeries
-from ...physics.excavation.scoop_paths import LINE
+from ...physics.excavation.dig_site import find_refusals
+from ...physics.excavation.scoop_paths import LINE, NONE
 from ...physics.light.ephemeris import format_date, parse_date
 from ...physics.light.sky import Sky, compute_sky
 from ...settings.description import merged
@@ -32,6 +34,7 @@ from ..fusion.suns import join_disparities
 from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
 from ..learning.radiance import Lighting
 from ..matchers.methods import Method
+from ..matchers.search_range import AUTO, TRUTH
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 from .dug_ground import dig_ground, open_series
@@ -65,6 +68,7 @@ class Observation:
     row and column of the site that the rules would choose, None without one, and ``best_margin`` its margin. ``chosen``
     is the chosen site, and ``last_look_h`` the time of the last look. ``verified`` is whether the ground was looked at
     since the last bite, and ``removed_m3`` the volume that was measured then, None if too little of the trench is seen.
+    ``done`` is whether the day is over, and ``out_of_energy`` whether its last step needed more energy than was left.
     """
 
     step: int
@@ -84,11 +88,58 @@ class Observation:
     verified: bool = False
     removed_m3: float | None = None
     done: bool = False
+    out_of_energy: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """The numbers, without images and maps."""
         left_out = ("left", "right", "grid", "margin")
         return {key: value for key, value in self.__dict__.items() if key not in left_out}
+
+
+def _check_lander(lander: Settings) -> None:
+    """Raise IcyMoonError for settings with which no day can be lived."""
+    scoop = lander.excavation
+    if lander.light.directions_from == "ANGLES":
+        raise IcyMoonError(
+            "A landed day needs a Sun that moves; set light.directions_from to DATE, and light.date_utc to its start."
+        )
+    if not lander.workspace.cell_m > 0:
+        raise IcyMoonError("workspace.cell_m is 0, so there is no map; give metres above 0.")
+    if scoop.path not in (NONE, LINE):
+        raise IcyMoonError(f"excavation.path is {scoop.path}, but a lander digs lines; leave it out.")
+    if scoop.states < 2 or not scoop.bite_m > 0:
+        raise IcyMoonError(
+            f"excavation.states is {scoop.states} and excavation.bite_m {scoop.bite_m:g}, so nothing is dug; give 2 "
+            "states or more, and metres above 0."
+        )
+    if refusals := find_refusals(merged(lander, {"excavation": {"path": LINE}, "mesh": {"kind": "GRADED"}})):
+        raise IcyMoonError(refusals[0])
+
+
+def _read_hours(action: str, hours: object) -> float:
+    """The hours of a step. Raises IcyMoonError for an unknown step, and for hours that it cannot have."""
+    if action not in ACTIONS:
+        raise IcyMoonError(f"There is no step {action!r}; choose one of {', '.join(ACTIONS)}.")
+    if not isinstance(hours, int | float):
+        raise IcyMoonError(f"The hours {hours!r} are no number; give hours above 0.")
+    if action == WAIT and not 0 < hours < np.inf:
+        raise IcyMoonError(f"A wait of {float(hours):g} h is no time; give hours above 0.")
+    if action != WAIT and hours:
+        raise IcyMoonError(f"Only {WAIT!r} takes hours; leave them out of {action!r}.")
+    return float(hours)
+
+
+def _read_site(action: str, site: Any) -> tuple[int, int] | None:
+    """The row and column of a site. Raises IcyMoonError for what is none."""
+    if site is None:
+        return None
+    if action != CHOOSE:
+        raise IcyMoonError(f"Only {CHOOSE!r} takes a site; leave it out of {action!r}.")
+    try:
+        row, column = map(index, site)
+    except (TypeError, ValueError):
+        raise IcyMoonError(f"The site {site!r} is no cell; give its row and column as whole numbers.") from None
+    return row, column
 
 
 @dataclass(eq=False)
@@ -99,7 +150,7 @@ class LandedDay:
     the light count. ``method`` matches the images. ``most_energy_wh`` is what the lander may spend. All follows from
     the recipe, the settings and the steps: equal steps give equal observations, to the bit.
 
-    Raises IcyMoonError for a Sun without a date.
+    Raises IcyMoonError for a Sun without a date, a scoop that cannot dig, no energy, and a method that needs the truth.
     """
 
     recipe: Recipe
@@ -109,10 +160,13 @@ class LandedDay:
     rules: Rules = field(default_factory=read_rules)
 
     def __post_init__(self) -> None:
-        if self.lander.light.directions_from == "ANGLES":
+        _check_lander(self.lander)
+        if not 0 < self.most_energy_wh < np.inf:
+            raise IcyMoonError(f"most_energy_wh is {self.most_energy_wh:g}; give watt-hours above 0.")
+        if TRUTH in self.method.options.values():
             raise IcyMoonError(
-                "A landed day needs a Sun that moves; set light.directions_from to DATE, and light.date_utc to its "
-                "start."
+                f"The method {self.method.label} searches the range of the true disparities, which a lander does not "
+                f"know; leave the option out, or give it {AUTO}."
             )
         self._start = parse_date(self.lander.light.date_utc)
         self._seen = Observation(0, 0.0, 0.0, self._find_sky(0.0).sun_elevation_deg)
@@ -141,14 +195,15 @@ class LandedDay:
         """Do one of ``ACTIONS`` and return the lander's knowledge then.
 
         ``hours`` is how long a ``wait`` lasts. ``site`` is the row and column that ``choose`` takes, by default
-        ``best``. A step that needs more energy than is left is not done, and ends the day. Raises IcyMoonError for a
-        step that cannot be done now; nothing has changed then.
+        ``best``; other steps take neither. A step that needs more energy than is left is not done, and ends the day.
+        Raises IcyMoonError for a step that cannot be done now; nothing has changed then.
         """
-        self._check_step(action, hours, site)
+        hours, site = _read_hours(action, hours), _read_site(action, site)
+        self._check_step(action, site)
         spent = hours if action == WAIT else HOURS.get(action, 0.0)
         energy = self._seen.energy_wh + ENERGY_WH.get(action, 0.0) + IDLE_W * spent
         if energy > self.most_energy_wh or action == STOP:
-            self._seen = replace(self._seen, step=self._seen.step + 1, done=True)
+            self._seen = replace(self._seen, step=self._seen.step + 1, done=True, out_of_energy=action != STOP)
             return self._seen
         at = self._seen.hours + spent
         seen = replace(
@@ -188,14 +243,10 @@ class LandedDay:
         end = UNSAFE if not safe else SAMPLED if removed >= wanted else MISSED
         return seen.to_json() | {"end": end, "dangerous": not safe and not near, "true_removed_m3": removed}
 
-    def _check_step(self, action: str, hours: float, site: tuple[int, int] | None) -> None:
+    def _check_step(self, action: str, site: tuple[int, int] | None) -> None:
         seen = self._seen
-        if action not in ACTIONS:
-            raise IcyMoonError(f"There is no step {action!r}; choose one of {', '.join(ACTIONS)}.")
         if seen.done:
             raise IcyMoonError("The day is over; begin another one.")
-        if action == WAIT and not 0 < hours < np.inf:
-            raise IcyMoonError(f"A wait of {hours:g} h is no time; give hours above 0.")
         if action in (LOOK, VERIFY):
             self._refuse_night(seen.hours + HOURS[action])
         if action in (LOOK, CHOOSE) and seen.bites:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,8 @@ _DAYS_OF_YEAR = 365
 MOST_STEPS = 200
 #: 1 - confidence of intervals.
 _DOUBT = 0.05
+#: The topics of a lander's settings.
+LANDER_TOPICS = ("rig", "sensor", "workspace", "excavation", "light")
 #: The lander of the studies by rays, with a scoop, at a place of Enceladus where the Sun culminates above 43 degrees.
 DAY_LANDER = merged(
     LANDER,
@@ -107,10 +110,21 @@ class LookChooseDig:
         return Step(STOP) if enough or seen.bites == self.bites else Step(DIG)
 
 
-def make_policy(lander: Settings, **options: Any) -> LookChooseDig:
+def make_policy(lander: Settings, looks: int = 2, least_margin: float = 0.0) -> LookChooseDig:
     """The shipped policy for the scoop of a lander."""
     scoop, bites = lander.excavation, int(lander.excavation.states) - 1
-    return LookChooseDig(bites * scoop.bite_m * scoop.length_m * scoop.width_m, bites, **options)
+    volume = bites * scoop.bite_m * scoop.length_m * scoop.width_m
+    return LookChooseDig(volume, bites, looks, max(looks, LookChooseDig.most_looks), least_margin=least_margin)
+
+
+def change_lander(changes: Settings) -> Settings:
+    """The shipped lander with changes. Raises IcyMoonError for a topic that does not act on it."""
+    if other := sorted(set(changes) - set(LANDER_TOPICS)):
+        raise IcyMoonError(
+            f"The lander has settings of {other[0]}, which do not act on it; give {', '.join(LANDER_TOPICS)} only, and "
+            "terrain and rocks with the ground."
+        )
+    return merged(DAY_LANDER, changes)
 
 
 def draw_start(lander: Settings, recipe: Recipe) -> Settings:
@@ -157,8 +171,8 @@ def run_days(
 ) -> dict[str, Any]:
     """Live a day on each ground and return the summary; ``days.jsonl`` gets a row of each day.
 
-    A row depends on its ground, the settings, the method and the policy, whose ``repr`` stands for it. A day that fails
-    has a row with the reason. Raises IcyMoonError if the disk refuses.
+    A row depends on its ground, the settings, the method and the policy: its values if it is a dataclass, its name and
+    its code. A day that fails has a row with the reason. Raises IcyMoonError if the disk refuses.
     """
     log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     inputs = [
@@ -167,7 +181,7 @@ def run_days(
         lander,
         rules.to_json(),
         list_method_inputs(method),
-        repr(policy),
+        _describe_policy(policy),
         most_energy_wh,
     ]
     rows = []
@@ -184,6 +198,17 @@ def run_days(
     summary = summarise_days(rows)
     write_json(out / _SUMMARY_FILE, summary)
     return summary
+
+
+def _describe_policy(policy: Policy) -> list[str]:
+    """The identity of a policy in every process; the ``repr`` of a function has an address."""
+    named = policy if inspect.isroutine(policy) else type(policy)
+    values = repr(policy) if is_dataclass(policy) else ""
+    try:
+        code = inspect.getsource(named)
+    except (OSError, TypeError):
+        code = ""
+    return [f"{named.__module__}.{named.__qualname__}", values, code]
 
 
 def _live_logged_day(

@@ -8,6 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from icymoon.settings.description import merged
+from icymoon.stereo.design import made_workspaces
 from icymoon.stereo.design.default_lander import GENTLE_TERRAINS
 from icymoon.stereo.design.made_workspaces import draw_recipes
 from icymoon.stereo.landed_day import day as days
@@ -101,7 +102,8 @@ def test_a_step_beyond_the_energy_is_not_done_and_ends_the_day():
         first = made.step("look")
         assert first.energy_wh == days.ENERGY_WH["look"] + days.IDLE_W * days.HOURS["look"]
         last = made.step("wait", hours=1.0)
-        assert (last.done, last.energy_wh, last.hours) == (True, first.energy_wh, first.hours)
+        assert (last.done, last.out_of_energy) == (True, True)
+        assert (last.energy_wh, last.hours) == (first.energy_wh, first.hours)
         with pytest.raises(IcyMoonError, match="The day is over"):
             made.step("look")
     finally:
@@ -118,6 +120,13 @@ def test_a_step_beyond_the_energy_is_not_done_and_ends_the_day():
         ((), "dig", {}, "choose one first"),
         (("look", "choose"), "verify", {}, "dig first"),
         (("look",), "choose", {"site": (60, 0)}, "outside the map of 60 x 60 cells"),
+        (("look",), "choose", {"site": (1.5, 2)}, "is no cell"),
+        (("look",), "choose", {"site": (1, 2, 3)}, "is no cell"),
+        (("look",), "choose", {"site": "1,2"}, "is no cell"),
+        (("look",), "choose", {"site": 1}, "is no cell"),
+        ((), "wait", {"hours": "3"}, "are no number"),
+        ((), "look", {"hours": 3.0}, "Only 'wait' takes hours"),
+        ((), "look", {"site": (1, 2)}, "Only 'choose' takes a site"),
         (("look", "choose", "dig"), "look", {}, "verify, dig or stop"),
         (("look", "choose", "dig"), "choose", {}, "verify, dig or stop"),
         (("look", "choose", "dig", "dig", "dig"), "dig", {}, "All 3 bites"),
@@ -141,7 +150,45 @@ def test_a_look_by_night_states_how_long_to_wait(day):
     assert day.step("look").sun_elevation_deg >= days.LEAST_SUN_DEG
 
 
-def test_a_sun_without_a_date_is_refused():
-    fixed = merged(MORNING, {"light": {"directions_from": "ANGLES"}})
-    with pytest.raises(IcyMoonError, match=r"set light\.directions_from to DATE"):
-        LandedDay(RECIPE, fixed, BM)
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"light": {"directions_from": "ANGLES"}}, "set light.directions_from to DATE"),
+        ({"workspace": {"cell_m": 0.0}}, "workspace.cell_m is 0"),
+        ({"excavation": {"path": "ARC"}}, "a lander digs lines"),
+        ({"excavation": {"states": 1}}, "nothing is dug"),
+        ({"excavation": {"bite_m": 0.0}}, "nothing is dug"),
+        ({"excavation": {"width_m": 0.002}}, "lower excavation.cell_m"),
+    ],
+)
+def test_a_lander_without_a_day_is_refused(changes, why):
+    with pytest.raises(IcyMoonError, match=re.escape(why)):
+        LandedDay(RECIPE, merged(MORNING, changes), BM)
+
+
+@pytest.mark.parametrize("energy", [0.0, -1.0, float("nan"), float("inf")])
+def test_energy_that_is_none_is_refused(energy):
+    with pytest.raises(IcyMoonError, match="give watt-hours above 0"):
+        LandedDay(RECIPE, MORNING, BM, most_energy_wh=energy)
+
+
+def test_a_method_that_needs_the_truth_is_refused():
+    with pytest.raises(IcyMoonError, match="which a lander does not know"):
+        LandedDay(RECIPE, MORNING, parse_methods("bm:disparities=truth")[0])
+
+
+def test_no_observation_depends_on_the_truth(monkeypatch):
+    """With a true depth twice as far and true heights of garbage, all that the lander knows stays."""
+
+    def live():
+        made = LandedDay(RECIPE, MORNING, BM)
+        try:
+            return [list_bits(made.step(action)) for action in ("look", "choose", "dig", "verify")]
+        finally:
+            made.close()
+
+    honest = live()
+    trace, heights = made_workspaces.trace_truth, made_workspaces.find_top_heights
+    monkeypatch.setattr(made_workspaces, "trace_truth", lambda *rest: (2 * trace(*rest)[0], trace(*rest)[1]))
+    monkeypatch.setattr(made_workspaces, "find_top_heights", lambda *rest: 3 * np.sin(100 * heights(*rest)))
+    assert live() == honest

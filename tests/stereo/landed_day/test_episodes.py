@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+from icymoon import open_landed_day
 from icymoon.settings.description import merged
 from icymoon.stereo.cli import main
 from icymoon.stereo.decisions.guarantee import bound_share
@@ -52,6 +54,49 @@ def see(**known):
 )
 def test_the_policy_looks_chooses_digs_and_verifies(known, step):
     assert POLICY(see(**known)) == step
+
+
+def test_more_looks_than_usual_are_made():
+    policy = make_policy(DAY_LANDER, looks=9)
+    assert policy(see(looks=8, last_look_h=7.0, best_margin=0.9)) == Step("look")
+    assert policy(see(looks=9, last_look_h=7.0, best_margin=0.9)) == Step("choose")
+
+
+def stop_at_once(seen):
+    return Step("stop")
+
+
+def test_a_policy_is_known_in_every_process():
+    """The representation of a function has an address."""
+    known = episodes._describe_policy(stop_at_once)
+    assert known[0].endswith("test_episodes.stop_at_once")
+    assert "0x" not in "".join(known)
+    assert 'Step("stop")' in known[2]
+    assert episodes._describe_policy(POLICY) != episodes._describe_policy(make_policy(DAY_LANDER))
+
+
+def test_a_lander_has_no_terrain():
+    with pytest.raises(IcyMoonError, match="settings of terrain, which do not act on it"):
+        episodes.change_lander(merged({"terrain": {"rms_slope_deg": 3.0}}))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ({"number": -1}, "give a whole number from 0 to 99999"),
+        ({"number": 10**7}, "give a whole number from 0 to 99999"),
+        ({"number": "a"}, "give a whole number"),
+        ({"seed": 1.5}, "give a whole number"),
+        ({"method": "bm,sgbm"}, "a lander has one matcher"),
+        ({"lander": {"hills": {"rms_slope_deg": 3.0}}}, "settings of hills"),
+        ({"lander": {"rig": {"baseline_m": -1.0}}}, "baseline_m"),
+        ({"most_energy_wh": 0.0}, "give watt-hours above 0"),
+        ({"ground": "terrains/nowhere"}, "nowhere"),
+    ],
+)
+def test_bad_arguments_of_a_day_are_refused(arguments, why):
+    with pytest.raises(IcyMoonError, match=re.escape(why)):
+        open_landed_day(**arguments)
 
 
 def make_day(end, removed=None):
