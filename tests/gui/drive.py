@@ -1332,13 +1332,18 @@ def render_in_a_local_view() -> Waiting:
     yield from ended()
 
 
-def build_a_workspace() -> Waiting:
-    """The ground before a lander, small and coarse, without the lander, and no window before it."""
+def close_other_windows() -> Waiting:
+    """Close all windows but the first, also one that will open for the last pair."""
     yield from until(lambda: session().reading is None and not session().to_show, "Showing the last pair")
     yield 10 * TICK_S
-    for item in list(manager().windows)[1:]:
-        with bpy.context.temp_override(window=item):
+    for opened in list(manager().windows)[1:]:
+        with bpy.context.temp_override(window=opened):
             bpy.ops.wm.window_close()
+
+
+def build_a_workspace() -> Waiting:
+    """The ground before a lander, small and coarse, without the lander, and no window before it."""
+    yield from close_other_windows()
     with in_region("UI"):
         bpy.ops.icymoon.load_preset(preset="scenes/workspace_europa_lander")
     group = settings()
@@ -1513,7 +1518,7 @@ def jobs_end_in_any_case() -> Waiting:
     for kind in ("no events", "fault"):
         yield from call(bpy.ops.icymoon.render_pair, again=True)
         yield from until(lambda: session().job, "Starting the render")
-        (watch,) = unseen._watches
+        watch = next(each for each in unseen._watches if each.job is session().job)
         if kind == "fault":
             watch.job.handle = {}.__getitem__
             operators.traceback = types.SimpleNamespace(print_exc=lambda: None)  # the lane fails on printed tracebacks
@@ -1526,9 +1531,7 @@ def jobs_end_in_any_case() -> Waiting:
         else:
             check(not watch.is_seen, "the operator got events")
             check(list((FOLDER / "tiny").glob("pairs/*/pair.json")), "the pair is not there")
-            for opened in list(manager().windows)[1:]:
-                with bpy.context.temp_override(window=opened):
-                    bpy.ops.wm.window_close()
+            yield from close_other_windows()
         yield from to(*middle("WINDOW"))  # an event, at which the operator leaves
         left = [each.bl_idname for each in window().modal_operators]
         check("ICYMOON_OT_render_pair" not in left, f"the window still has {left}")
