@@ -118,7 +118,7 @@ def test_grounds_of_a_file_of_settings_and_those_that_rays_cannot_make(tmp_path)
     assert own is not None
     assert (own.penitentes.height_m, own.rocks.coverage) == (2.0, 0.1)
     for text, words in (
-        ('[source]\nkind = "HEIGHT_MAP"\n', "procedural ground only; give another file, or render pairs of this ground with icymoon batch"),
+        ('[source]\nkind = "HEIGHT_MAP"\n', "procedural ground only; give another file, or render"),
         ("[terrain]\nnothing = 1\n", "nothing"),
     ):
         file.write_text(text, "utf-8")
