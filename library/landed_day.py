@@ -42,20 +42,17 @@ def open_landed_day(
     from ..stereo.design.default_lander import GENTLE_TERRAINS
     from ..stereo.design.made_workspaces import draw_recipes
     from ..stereo.landed_day.day import LandedDay
-    from ..stereo.landed_day.episodes import change_lander, draw_start
+    from ..stereo.landed_day.episodes import change_lander, draw_start, read_method
     from ..stereo.learning.grounds import Variety
-    from ..stereo.matchers.methods import parse_methods
     from ..stereo.training_data import read_ground
 
     for name, value in (("number", number), ("seed", seed)):
         if not isinstance(value, int) or not 0 <= value <= _MOST_NUMBER:
             raise IcyMoonError(f"The {name} is {value!r}; give a whole number from 0 to {_MOST_NUMBER}.")
-    methods = parse_methods(method)
-    if len(methods) != 1:
-        raise IcyMoonError(f"The method is {method!r}, but a lander has one matcher; give one.")
+    matcher = read_method(method)
     own = None if ground is None else read_ground(str(ground), "ground ")
     changes = load_named(str(lander)) if isinstance(lander, str | Path) else check(dict(lander or {}), "lander")
     changed = change_lander(changes)
     recipe = draw_recipes(seed, "ground", number + 1, Variety(GENTLE_TERRAINS, own=own))[-1]
     asked = read_rules(None if rules is None else Path(rules))
-    return LandedDay(recipe, draw_start(changed, recipe), methods[0], most_energy_wh, asked)
+    return LandedDay(recipe, draw_start(changed, recipe), matcher, most_energy_wh, asked)

@@ -65,15 +65,18 @@ def run_days_command(parsed: argparse.Namespace) -> int:
     from .decisions.rules import read_rules
     from .design.default_lander import GENTLE_TERRAINS
     from .design.made_workspaces import draw_recipes
-    from .landed_day.episodes import DAY_LANDER, change_lander, make_policy, run_days
+    from .evaluation_files import check_output_folder, remove_leftovers
+    from .landed_day.episodes import DAY_LANDER, FIRST_BYTES, change_lander, make_policy, read_method, run_days
     from .learning.grounds import Variety
-    from .matchers.methods import parse_methods
     from .training_data import read_ground
 
     own = None if parsed.ground is None else read_ground(parsed.ground, "--ground ")
     recipes = draw_recipes(parsed.seed, "ground", parsed.days, Variety(GENTLE_TERRAINS, own=own))
     lander = DAY_LANDER if parsed.lander is None else change_lander(load_named(parsed.lander))
-    (method,) = parse_methods(parsed.method)
+    method = read_method(parsed.method)
+    rules = read_rules(parsed.rules)
+    check_output_folder(parsed.out, [], FIRST_BYTES)
+    remove_leftovers(parsed.out)
     policy = make_policy(lander, looks=parsed.looks, least_margin=parsed.least_margin)
     lived = 0
     with tell_events("Days", parsed.json_lines) as tell:
@@ -86,9 +89,7 @@ def run_days_command(parsed: argparse.Namespace) -> int:
             message = f"{row['pair']}: {row['day']['end'] if row['day'] else row['status']}"
             tell({"type": "progress", "done": lived, "total": parsed.days, "message": message})
 
-        found = run_days(
-            recipes, lander, method, read_rules(parsed.rules), policy, parsed.out, parsed.energy_wh, on_day
-        )
+        found = run_days(recipes, lander, method, rules, policy, parsed.out, parsed.energy_wh, on_day)
     _tell_summary(parsed, found)
     return 0
 
@@ -98,8 +99,6 @@ def _check_numbers(parsed: argparse.Namespace) -> None:
         raise IcyMoonError(f"--energy-wh is {parsed.energy_wh:g}; give watt-hours above 0.")
     if not 0 <= parsed.least_margin <= 1:
         raise IcyMoonError(f"--least-margin is {parsed.least_margin:g}; give a margin from 0 to 1.")
-    if "," in parsed.method:
-        raise IcyMoonError(f"--method is {parsed.method}, but a lander has one matcher; run the command for each.")
 
 
 def _tell_summary(parsed: argparse.Namespace, found: Mapping[str, Any]) -> None:

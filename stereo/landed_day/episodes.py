@@ -27,13 +27,15 @@ from ..fusion.fuse import list_lidar_inputs
 from ..fusion.match_prepared import list_method_inputs
 from ..inference.risk_control import bound_risk
 from ..learning.grounds import Recipe, make_split_generator
-from ..matchers.methods import Method
+from ..matchers.methods import Method, parse_methods
 from ..report.row_log import Row, RowLog
 from .day import CHOOSE, DIG, ENDS, LOOK, SAMPLE_SHARE, STOP, UNSAFE, VERIFY, WAIT, LandedDay, Observation
 
 #: Increased when equal input gives other days.
 DAYS_VERSION = 1
 _LOG_FILE, _SUMMARY_FILE = "days.jsonl", "days.json"
+#: The files of a run, and the first bytes of each.
+FIRST_BYTES = {_LOG_FILE: b'{"pair": ', _SUMMARY_FILE: b'{\n "days": '}
 _ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "day": Maybe(TABLE, null=True)}
 #: Elevation of the Sun in degrees at which a day begins, in the morning, and the least for a look by the policy.
 _MORNING_DEG, _LOOK_DEG = 16.0, 12.0
@@ -108,6 +110,14 @@ class LookChooseDig:
             return Step(VERIFY) if seen.sun_elevation_deg >= _LOOK_DEG else Step(WAIT, 1.0)
         enough = seen.removed_m3 is not None and seen.removed_m3 >= SAMPLE_SHARE * self.scoop_m3
         return Step(STOP) if enough or seen.bites == self.bites else Step(DIG)
+
+
+def read_method(text: str) -> Method:
+    """The matcher of a lander. Raises IcyMoonError for several, and as ``parse_methods``."""
+    methods = parse_methods(text)
+    if len(methods) > 1:
+        raise IcyMoonError(f"The method is {text!r}, but a lander has one matcher; give one.")
+    return methods[0]
 
 
 def make_policy(lander: Settings, looks: int = 2, least_margin: float = 0.0) -> LookChooseDig:

@@ -168,6 +168,15 @@ def test_bad_words_get_one_sentence_and_write_nothing(tmp_path, capsys, words, w
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["days.jsonl", "days.json"])
+def test_files_of_another_program_stay(tmp_path, capsys, name):
+    (tmp_path / name).write_text("my diary", encoding="utf-8")
+    assert main(["days", "--out", str(tmp_path), "--days", "1", "--method", "bm"]) != 0
+    assert "is not overwritten" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text(encoding="utf-8") == "my diary"
+
+
 def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path):
     def start(out):
         words = [sys.executable, "-m", "icymoon.stereo", "days", "--out", str(out), "--days", "3", "--method", "bm"]
