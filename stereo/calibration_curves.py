@@ -122,7 +122,7 @@ def _measure_pair(
     loaded: LoadedPair, methods: Sequence[Method], errors: Mapping[str, Sequence[float]]
 ) -> Iterator[MeasuredError]:
     exact = prepare_loaded(loaded)
-    ranges = find_search_ranges(exact, np.where(exact.visible, exact.pair.camera.disparity(exact.truth), np.nan))
+    ranges = find_search_ranges(exact)
     matched = {method.label: _match(exact, method, ranges) for method in methods}
     for key, values in errors.items():
         for value in values:

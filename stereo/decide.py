@@ -51,7 +51,7 @@ from .evaluated_pairs import RenderedPair, Source, check_response, find_sources,
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .fused_sites import FusedSite, find_fused_sites, list_pairs
 from .fusion.fuse import list_lidar_inputs
-from .fusion.match_prepared import find_search_ranges, list_method_inputs, match_prepared
+from .fusion.match_prepared import list_method_inputs, match_prepared
 from .fusion.suns import join_disparities
 from .images.image_files import write_png
 from .matchers.methods import Method, describe_method
@@ -414,8 +414,7 @@ def _find_depth(
 def _match(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
     """The disparity of a method, px, NaN where its confidence is less than a limit above 0, and the processor seconds
     that it took."""
-    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
+    disparity, info = match_prepared(method, prepared)
     if min_confidence > 0:
         if info["confidence"] is None:
             raise IcyMoonError(

@@ -103,8 +103,7 @@ def measure_curves(
         total = len(sources)
         tell({"type": "progress", "fraction": done / total, "done": done, "total": total, "message": source.name})
         prepared = source.prepare(response)
-        shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-        ranges = cache(partial(find_search_ranges, prepared, shared))
+        ranges = cache(partial(find_search_ranges, prepared))
         for method in methods:
             disparity, info = match_prepared(method, prepared, ranges)
             rows.append(

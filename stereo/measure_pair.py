@@ -8,8 +8,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..formats.map_frame import MapFrame
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
@@ -18,7 +16,7 @@ from .datasets.predictions import PREDICTION
 from .evaluated_pairs import Source
 from .evaluation_files import write_method_pictures, write_pair_pictures
 from .export.points import add_points, find_left_pose
-from .fusion.match_prepared import find_search_ranges, match_prepared
+from .fusion.match_prepared import find_search_ranges, find_shared_disparity, match_prepared
 from .images.disparity_files import read_disparity
 from .map_results import find_map_frame, name_maps, write_maps
 from .matchers.black_box_confidence import RUNS, compute_black_box_confidence
@@ -111,8 +109,8 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
     """Make the missing rows of a pair, and the numbers that depend on two of its methods."""
     disparities: dict[str, Array] = {}
     rows: dict[str, Row] = dict(task.rows)
-    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    ranges = cache(partial(find_search_ranges, prepared, shared))
+    shared = find_shared_disparity(prepared)
+    ranges = cache(partial(find_search_ranges, prepared))
     for method in run.methods:
         label = method.label
         stored = _read_stored_disparity(rows.get(label), prepared, run.out)

@@ -6,6 +6,8 @@ There is no arm, so every cell is in reach.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +36,7 @@ from ..decisions.workspace import (
     make_workspace,
     measure_features,
 )
-from ..fusion.match_prepared import find_search_ranges, match_prepared
+from ..fusion.match_prepared import match_prepared
 from ..images import colours
 from ..images.develop import DevelopedImages, develop
 from ..images.exr import Light
@@ -161,36 +163,53 @@ def _render_images(
     return develop(pair, left, right, pair.settings)
 
 
+def look_down(ground: Ground, x_m: Array, y_m: Array) -> Array:
+    """The height (n,), m, of the top at places (n,)."""
+    start = np.stack([x_m, y_m, np.full(x_m.size, _ABOVE_M)], 1)
+    down = np.tile([0.0, 0.0, -1.0], (x_m.size, 1))
+    return np.asarray(_ABOVE_M - ground.tracer.intersect(start, down, 0.0, 1e3).along)
+
+
 def find_top_heights(ground: Ground, grid: Grid) -> Array:
     """The mean height (rows, columns), m, of the top at 3 x 3 places of each cell."""
     x, y = (each.ravel() for each in grid.centres())
     total = np.zeros(x.size)
     for east in (-1, 0, 1):
         for north in (-1, 0, 1):
-            start = np.stack([x + east * grid.cell_m / 3, y + north * grid.cell_m / 3, np.full(x.size, _ABOVE_M)], 1)
-            down = np.tile([0.0, 0.0, -1.0], (x.size, 1))
-            total += _ABOVE_M - ground.tracer.intersect(start, down, 0.0, 1e3).along
+            total += look_down(ground, x + east * grid.cell_m / 3, y + north * grid.cell_m / 3)
     return (total / 9).reshape(grid.rows, grid.columns)
 
 
-def open_made_workspace(ground: Ground, prepared: PreparedPair, rules: Rules) -> Workspace:
-    """The workspace of a pair, with exact heights by rays from above."""
-    asked, (east, north) = prepared.facts["settings"].workspace, ground.recipe.place_m
+@contextmanager
+def open_bare_ground(ground: Ground) -> Iterator[Ground]:
+    """The ground without its rocks."""
+    bare = open_tracer(World(ground.world.placed[:1]))
+    try:
+        yield replace(ground, tracer=bare)
+    finally:
+        bare.close()
+
+
+def measure_true_heights(ground: Ground, lander: Settings) -> tuple[Grid, Array]:
+    """The cells of a lander's workspace, and their exact heights (2, rows, columns), m, with rocks and without, by rays
+    from above.
+    """
+    asked, (east, north) = lander.workspace, ground.recipe.place_m
     side = round(asked.size_m / asked.cell_m)
     half = asked.size_m / 2
     grid = Grid(asked.cell_m, side, side, east + asked.east_m - half, north + asked.north_m + half)
-    bare = open_tracer(World(ground.world.placed[:1]))  # the ground itself, without rocks
-    try:
-        heights = [find_top_heights(each, grid) for each in (ground, replace(ground, tracer=bare))]
-    finally:
-        bare.close()
-    return make_workspace(prepared, rules, grid, np.stack(heights))
+    with open_bare_ground(ground) as bare:
+        return grid, np.stack([find_top_heights(each, grid) for each in (ground, bare)])
+
+
+def open_made_workspace(ground: Ground, prepared: PreparedPair, rules: Rules) -> Workspace:
+    """The workspace of a pair, with the true heights of its ground."""
+    return make_workspace(prepared, rules, *measure_true_heights(ground, prepared.facts["settings"]))
 
 
 def match_disparity(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
     """The disparity (H, W) by a method, px, NaN where unknown, and the processor seconds that it took."""
-    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
+    disparity, info = match_prepared(method, prepared)
     return disparity, float(info["seconds"])
 
 

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import DiskError, describe_error
 from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Maybe, Shape
 from ...support.files import make_json_digest
+from ..decisions.dem import Grid
 from ..decisions.rules import Rules
-from ..decisions.workspace import Workspace, decide_from_depth
+from ..decisions.workspace import Workspace, decide_from_depth, make_workspace
 from ..fusion.match_prepared import list_method_inputs
 from ..fusion.suns import join_disparities
 from ..learning.grounds import Ground, Recipe, Variety, build_ground, close_ground, make_split_generator
@@ -28,9 +29,10 @@ from ..report.row_log import Row, RowLog
 from .made_workspaces import (
     draw_recipes,
     match_disparity,
+    measure_true_heights,
     name_pair,
-    open_made_workspace,
     prepare_made_pair,
+    prepare_pair_again,
     summarise_decisions,
 )
 from .read_design import Design, Suite
@@ -160,6 +162,7 @@ class _OpenGround:
         self._ground: Ground = build_ground(recipe)
         self._pairs: dict[tuple[str, int], PreparedPair] = {}
         self._workspaces: dict[str, Workspace] = {}
+        self._true_heights: tuple[Grid, Array] | None = None
 
     def close(self) -> None:
         """Free the triangles."""
@@ -197,21 +200,27 @@ class _OpenGround:
     def _open_workspace(self, settings: Settings) -> Workspace:
         camera = make_json_digest(settings)
         if camera not in self._workspaces:
-            made = open_made_workspace(self._ground, self._prepare(settings, 0), self._study.rules)
-            self._workspaces[camera] = made
+            if self._true_heights is None:  # of all suites, which share the workspace
+                self._true_heights = measure_true_heights(self._ground, settings)
+            self._workspaces[camera] = make_workspace(
+                self._prepare(settings, 0), self._study.rules, *self._true_heights
+            )
         return self._workspaces[camera]
 
     def _prepare(self, settings: Settings, sun: int) -> PreparedPair:
         """The pair of a camera under a Sun of the ground, with its own noise of light and sensor."""
         where = make_json_digest(settings), sun
         if where not in self._pairs:
-            seed = int(settings.sensor.noise_seed) + sun
-            lander = merged(settings, {"sensor": {"noise_seed": seed}}) if sun else settings
-            recipe, variety = self._recipe, self._study.design.variety
-            light = draw_sun(recipe, sun, variety)
+            recipe, design = self._recipe, self._study.design
+            light = draw_sun(recipe, sun, design.variety)
             random = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, sun, 1)
-            self._pairs[where] = prepare_made_pair(
-                self._ground, lander, light, self._study.design.rays_per_pixel, random
+            drawn = light, design.rays_per_pixel, random
+            self._pairs[where] = (
+                prepare_pair_again(
+                    self._prepare(settings, 0), self._ground, *drawn, int(settings.sensor.noise_seed) + sun
+                )
+                if sun
+                else prepare_made_pair(self._ground, settings, *drawn)
             )
         return self._pairs[where]
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...render.pairs.pair_folder import Pair
 from ...support.arrays import Array
 from ...support.files import read_checksum
@@ -21,9 +23,14 @@ from ..measure.prepare_pair import PreparedPair
 from .fuse import match_method
 
 
-def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:
-    """The search ranges that options may name; ``shared`` are the true disparities of points that both eyes see."""
-    pair = prepared.pair
+def find_shared_disparity(prepared: PreparedPair) -> Array:
+    """The true disparities (H, W), px, of points that both eyes see; NaN elsewhere."""
+    return np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
+
+
+def find_search_ranges(prepared: PreparedPair) -> dict[str, SearchRange]:
+    """The search ranges that options may name."""
+    pair, shared = prepared.pair, find_shared_disparity(prepared)
     if isinstance(pair, Pair):
         return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
     ranges = find_known_ranges(None, shared)
@@ -33,16 +40,18 @@ def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, Searc
 
 
 def match_prepared(
-    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
+    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]] | None = None
 ) -> tuple[Array, dict[str, Any]]:
     """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``.
 
-    ``ranges`` finds the search ranges, which may make the ground of the pair; a prediction needs none.
+    ``ranges`` finds the search ranges, by default ``find_search_ranges``, which may make the ground of the pair; a
+    prediction needs none.
     """
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
     camera, pair = prepared.depth_camera, prepared.pair
-    return match_method(method, prepared.left, prepared.right, camera, ranges(), pair, prepared.truth)
+    found = find_search_ranges(prepared) if ranges is None else ranges()
+    return match_method(method, prepared.left, prepared.right, camera, found, pair, prepared.truth)
 
 
 def list_method_inputs(method: Method) -> list[Any]:

@@ -27,9 +27,9 @@ from ..decisions.dug_volume import find_region_cells, measure_change
 from ..decisions.rules import Rules, read_rules
 from ..decisions.safe_sites import choose_site
 from ..decisions.scores import is_within_tolerance
-from ..decisions.workspace import DecisionMaps, Workspace, decide_from_depth
+from ..decisions.workspace import DecisionMaps, Workspace, decide_from_depth, make_workspace
 from ..design.default_lander import RAYS_PER_PIXEL
-from ..design.made_workspaces import match_disparity, open_made_workspace, prepare_made_pair
+from ..design.made_workspaces import match_disparity, measure_true_heights, prepare_made_pair
 from ..fusion.suns import join_disparities
 from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
 from ..learning.radiance import Lighting
@@ -54,7 +54,7 @@ SAMPLE_SHARE = 0.5
 LEAST_SUN_DEG = 3.0
 #: Sky light over the Sun's, as irradiance of level ground: ground beyond the horizon of the rays.
 _SKY_SHARE = 0.01
-_MINUTES_PER_HOUR = 60.0
+_MS_PER_HOUR = 3_600_000
 #: Hours within which the next morning is looked for: more than a day of Europa.
 _LONGEST_NIGHT_H = 100.0
 
@@ -172,6 +172,7 @@ class LandedDay:
         self._seen = Observation(0, 0.0, 0.0, self._find_sky(0.0).sun_elevation_deg)
         self._untouched = build_ground(self.recipe)
         self._disparities: list[Array] = []
+        self._true_heights: tuple[Grid, Array] | None = None  # all looks share them
         self._workspace: Workspace | None = None
         self._found: DecisionMaps | None = None
         self._series: ExcavationSeries | None = None
@@ -236,7 +237,6 @@ class LandedDay:
         truth = self._workspace.truth.sites
         safe = bool(truth.safe[seen.chosen])
         near = bool(is_within_tolerance(truth.margin[seen.chosen], self.rules.site.tolerance))
-        self._series.at(seen.bites)
         removed = -float(self._series.facts(seen.bites)["change_in_region_by_state_m3"][-1])
         scoop = self.lander.excavation
         wanted = SAMPLE_SHARE * (scoop.states - 1) * scoop.bite_m * scoop.length_m * scoop.width_m
@@ -285,7 +285,7 @@ class LandedDay:
         return sky.sun_elevation_deg >= LEAST_SUN_DEG and sky.eclipse < 1
 
     def _find_sky(self, at_h: float) -> Sky:
-        date = self._start + np.timedelta64(round(at_h * _MINUTES_PER_HOUR * 60_000), "ms")
+        date = self._start + np.timedelta64(round(at_h * _MS_PER_HOUR), "ms")
         return compute_sky(self.lander.light | {"date_utc": format_date(date)})
 
     def _photograph(self, ground: Ground, seen: Observation) -> PreparedPair:
@@ -305,9 +305,11 @@ class LandedDay:
     def _look(self, seen: Observation) -> Observation:
         prepared = self._photograph(self._untouched, seen)
         disparities = [*self._disparities, match_disparity(prepared, self.method)[0]]
-        workspace = open_made_workspace(self._untouched, prepared, self.rules)
+        truth = self._true_heights or measure_true_heights(self._untouched, self.lander)
+        workspace = make_workspace(prepared, self.rules, *truth)
         found = decide_from_depth(workspace, disparity_to_depth(prepared, join_disparities(np.stack(disparities))))
         self._disparities, self._workspace, self._found = disparities, workspace, found
+        self._true_heights = truth
         sites = found.sites
         best = choose_site(sites, workspace.inside)
         return replace(

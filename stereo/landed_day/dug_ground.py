@@ -13,13 +13,12 @@ from ...rays.engine import open_tracer
 from ...rays.shapes import Placed, Shape, World
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
+from ..design.made_workspaces import look_down, open_bare_ground
 from ..learning.grounds import GROUND, Ground, make_shading_tables
 
 #: Width, in metres, of the border of the patch on which nothing is dug. The ground's own triangles, which are up to
 #: 4 cm wide within 3 m of the lander, overlap the patch there.
 _BORDER_M = 0.06
-#: Height from which rays look down, m.
-_ABOVE_M = 30.0
 
 
 def open_series(ground: Ground, settings: Settings, seed: int) -> ExcavationSeries:
@@ -37,13 +36,8 @@ def open_series(ground: Ground, settings: Settings, seed: int) -> ExcavationSeri
 def _measure_heights(ground: Ground, grid: ExcavationGrid) -> Array:
     """The heights (rows, columns), m, of the ground without its rocks at the vertices of a grid."""
     x, y = (each.ravel() for each in np.meshgrid(grid.east_m, grid.north_m))
-    bare = open_tracer(World(ground.world.placed[:1]))
-    try:
-        down = np.tile([0.0, 0.0, -1.0], (x.size, 1))
-        along = bare.intersect(np.stack([x, y, np.full(x.size, _ABOVE_M)], 1), down, 0.0, 1e3).along
-    finally:
-        bare.close()
-    return (_ABOVE_M - along).reshape(grid.rows, grid.columns)
+    with open_bare_ground(ground) as bare:
+        return look_down(bare, x, y).reshape(grid.rows, grid.columns)
 
 
 def dig_ground(untouched: Ground, series: ExcavationSeries, state: int) -> Ground:
