@@ -1,6 +1,7 @@
-"""The guarantee of a calibration of decisions, by grounds that matchers really see: pairs by rays, without renders.
+"""The guarantee of a calibration of decisions, by grounds that matchers really see: pairs by rays, or rendered ones.
 
     python benchmarks guaranteed_grounds --out FOLDER
+    python benchmarks guaranteed_grounds --decided GROUNDS/decisions TESTS/decisions LANDFORMS/decisions
 
 Each ground has one pair. Some grounds calibrate, others of the same terrains test, and held-out landforms test again.
 icynet was trained on grounds of another split, by the same ray engine. Terrains are gentle, see
@@ -8,12 +9,15 @@ icynet was trained on grounds of another split, by the same ray engine. Terrains
 the sensor and the place of the workspace are the same in all pairs. The rest is done by the functions of ``icymoon
 decide``: search ranges, cells, gaps, rules and light. There is no arm, so every cell is in reach.
 
-With ``--out`` a second start makes only the rows that are missing.
+With ``--out`` a second start makes only the rows that are missing. With ``--decided`` nothing is made: the rows are of
+``icymoon decide`` on rendered pairs, one of each ground, as of the plans ``datasets/decision_grounds``,
+``decision_tests`` and ``decision_landforms``.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,8 +26,10 @@ from typing import Any
 from icymoon.benchmarks.common.arguments import open_out_folder
 from icymoon.benchmarks.common.ray_grounds import (
     CALIBRATION,
+    LANDFORM,
     ROW_SHAPE,
     RULES,
+    TEST,
     VARIETY,
     Row,
     apply,
@@ -72,6 +78,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--alpha", type=float, default=0.05, help="largest risk (%(default)s)")
     parser.add_argument("--delta", type=float, default=0.05, help="1 - confidence (%(default)s)")
     parser.add_argument("--out", type=Path, help="folder that keeps the rows (default: a temporary one)")
+    parser.add_argument(
+        "--decided", type=Path, nargs="+", metavar="FOLDER", help="decisions of rendered grounds: first what calibrates"
+    )
+
+
+def read_decided(folder: Path) -> list[Row]:
+    """The rows of the decisions in a folder, the last one of each pair and method."""
+    found = {}
+    for line in (folder / "decisions.jsonl").read_text(encoding="utf-8").splitlines():
+        row = json.loads(line)
+        found[row["pair"], row["method"]] = row
+    return list(found.values())
 
 
 def make_workspace_of_ground(ground: Ground) -> Workspace:
@@ -143,16 +161,27 @@ def print_table(found: Sequence[Mapping[str, Any]]) -> None:
         print(f"{entry['method']:<24}{line}")
 
 
-def main(options: argparse.Namespace) -> None:
-    """Make the grounds, calibrate on some and print a table for each kind of the others."""
-    methods, goal = parse_methods(options.methods), Goal(options.alpha, options.delta)
-    goal.check()
+def list_rows(options: argparse.Namespace) -> dict[str, list[Row]]:
+    """The rows of each kind of grounds: of decisions that are there, or made by rays."""
+    if options.decided:
+        kinds = (CALIBRATION, TEST, LANDFORM)
+        return {kind: read_decided(folder) for kind, folder in zip(kinds, options.decided, strict=False)}
+    methods = parse_methods(options.methods)
     recipes = draw_grounds(options.seed, options.grounds, options.tests, options.landforms)
     with open_out_folder(options.out) as folder:
         log = RowLog(folder / "rows.jsonl", ROW_SHAPE)
         rows = {
             kind: [row for recipe in own for row in make_rows(recipe, methods, log)] for kind, own in recipes.items()
         }
+    print(f"{sum(row['cpu_s'] for own in rows.values() for row in own):.0f} CPU seconds")
+    return rows
+
+
+def main(options: argparse.Namespace) -> None:
+    """Calibrate on some grounds and print a table for each kind of the others."""
+    goal = Goal(options.alpha, options.delta)
+    goal.check()
+    rows = list_rows(options)
     calibration = calibrate(rows[CALIBRATION], goal)
     print("\n".join(make_sentences(calibration.entries, goal)))
     for kind, own in rows.items():
@@ -161,4 +190,3 @@ def main(options: argparse.Namespace) -> None:
         print_choices(own)
         if kind != CALIBRATION:
             print_table(apply(calibration, own))
-    print(f"\n{sum(row['cpu_s'] for own in rows.values() for row in own):.0f} CPU seconds")

@@ -238,10 +238,16 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
 def _look_on_every_page(
     recognised: Callable[[], bool], passes: Sequence[tuple[float, ...]], start: float = 0.0
 ) -> Generator[float, None, Place | None]:
-    """Look where the sidebar is scrolled to, then on all pages from the top, each time in the columns of one of the
-    ``passes``. What slid away under the mouse is where it belongs the second time."""
+    """Look where the sidebar is scrolled to, on the page below and the one above, then on all pages from the top, each
+    time in the columns of one of the ``passes``. What slid away under the mouse is where it belongs the second time."""
     if place := (yield from _look(recognised, passes[0], start)):
         return place
+    page = int(region("UI").height / 60)
+    for clicks in (page, -2 * page):  # with all panels open, all pages take a quarter of an hour
+        yield from to(*middle("UI"))
+        yield from scroll(clicks)
+        if place := (yield from _look(recognised, passes[0])):
+            return place
     for columns in passes:
         yield from to(*middle("UI"))
         yield from scroll(-400)
@@ -249,7 +255,7 @@ def _look_on_every_page(
             if place := (yield from _look(recognised, columns)):
                 return place
             yield from to(*middle("UI"))
-            if not (yield from scroll(int(region("UI").height / 60))):
+            if not (yield from scroll(page)):
                 break
     return None
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
+import json
+
 import numpy as np
 import pytest
 from icymoon.benchmarks.common import ray_grounds as grounds
@@ -67,6 +70,18 @@ def test_counts_are_those_of_grounds_by_hand():
     assert found["lost"][0] == pytest.approx(0.5)
     counts = {"grounds": 5, "acted": 5, "unsafe": 2, "dangerous": 1, "fails": {"slope": 2}}
     assert grounds.count_choices(new) == {"bm": counts}
+
+
+def test_decisions_on_rendered_grounds_are_read_and_the_last_row_of_a_pair_counts(tmp_path):
+    folders = {
+        "calibrates": [make_row(k, 0.5, 0) for k in range(60)],
+        "tests": [make_row(0, 0.5, 2), make_row(0, 0.4, 0)],
+    }
+    for name, rows in folders.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "decisions.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    found = study.list_rows(argparse.Namespace(decided=[tmp_path / name for name in folders]))
+    assert found == {grounds.CALIBRATION: folders["calibrates"], grounds.TEST: folders["tests"][1:]}
 
 
 def test_lost_cells_are_counted_without_those_of_unlike_grounds():
