@@ -240,14 +240,14 @@ def _look_on_every_page(
 ) -> Generator[float, None, Place | None]:
     """Look where the sidebar is scrolled to, on the page below and the one above, then on all pages from the top, each
     time in the columns of one of the ``passes``. What slid away under the mouse is where it belongs the second time."""
-    if place := (yield from _look(recognised, passes[0], start)):
-        return place
     page = int(region("UI").height / 60)
-    for clicks in (page, -2 * page):  # with all panels open, all pages take a quarter of an hour
-        yield from to(*middle("UI"))
-        yield from scroll(clicks)
-        if place := (yield from _look(recognised, passes[0])):
-            return place
+    for clicks in (0, page, -2 * page):  # with all panels open, all pages take a quarter of an hour
+        if clicks:
+            yield from to(*middle("UI"))
+            yield from scroll(clicks)
+        for columns in passes:
+            if place := (yield from _look(recognised, columns, 0.0 if clicks else start)):
+                return place
     for columns in passes:
         yield from to(*middle("UI"))
         yield from scroll(-400)
