@@ -63,7 +63,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Increased when the same input gives other numbers or files.
-DECISIONS_VERSION = 7
+DECISIONS_VERSION = 8
 _LOG_FILE = "decisions.jsonl"
 _ROW_SHAPE: dict[str, Shape] = {
     "status": TEXT,
@@ -107,6 +107,10 @@ class _DecideRun:
     def find_method(self, label: str) -> Method | None:
         """The method with this label; None for the true depth."""
         return next((method for method in self.methods if method.label == label), None)
+
+    def make_generator(self, *names: str) -> np.random.Generator:
+        """The generator of a pair, or of a method on it."""
+        return make_generator(self.seed, "pose", *(int(make_json_digest(name), 16) % 2**32 for name in names))
 
     def prepare_calibrated_run(
         self, sources: Sequence[Source], order: CalibrationOrder | None, file: Path | None
@@ -260,7 +264,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         for label, key in keys.items():
             yield _log_row(log, _make_failed_row(source, label, key, describe_error(error, source.folder)))
         return
-    random = make_generator(run.seed, "pose", int(make_json_digest(source.name), 16) % 2**32)
+    random = run.make_generator(source.name)
     pose = disturb_pose(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
     for label, key in keys.items():
@@ -269,7 +273,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
             continue
         try:
             row = _make_row(source, label, key, "ok" if workspace.prepared.check.ok and others.agree else "suspect")
-            row |= _decide_with_method(workspace, others, run.find_method(label), pose, run, scoop, random)
+            row |= _decide_with_method(workspace, others, run.find_method(label), pose, run, scoop)
         except DiskError:
             raise
         except Exception as error:
@@ -375,7 +379,6 @@ def _decide_with_method(
     pose: Array,
     run: _DecideRun,
     scoop: Scoop | None,
-    random: np.random.Generator,
 ) -> dict[str, Any]:
     """The numbers and files of a method, or of the true depth without a method."""
     depth, matching = workspace.prepared.truth, 0.0
@@ -391,6 +394,8 @@ def _decide_with_method(
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:
+        # Random numbers of its own, so that no other method of this run or of an earlier one changes them.
+        random = run.make_generator(workspace.pair.name, TRUE_DEPTH if method is None else method.label)
         numbers["scoop"] = locate_scoop(scoop, depth, workspace.pair, pose, random)
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
     return {

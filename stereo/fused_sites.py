@@ -72,6 +72,7 @@ def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
     """
     groups: dict[str, list[tuple[RenderedPair, Pair]]] = {}
     sites: dict[str, FusedSite | None] = {}
+    unread: list[Path] = []
     restore = Restorer()
     for source in sources:
         if not isinstance(source, RenderedPair):
@@ -83,19 +84,25 @@ def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
             pair = read_pair(source.folder, restore)
         except IcyMoonError:
             sites[source.name] = FusedSite((source,))
+            unread.append(source.folder)
             continue
         key = _make_site_key(pair)
         groups.setdefault(key, []).append((source, pair))
         sites.setdefault(key, None)
-    found = {key: _make_site(own) for key, own in groups.items()}
+    found = {key: _make_site(own, unread) for key, own in groups.items()}
     return [site or found[key] for key, site in sites.items()]
 
 
-def _make_site(own: Sequence[tuple[RenderedPair, Pair]]) -> FusedSite:
+def _make_site(own: Sequence[tuple[RenderedPair, Pair]], unread: Sequence[Path]) -> FusedSite:
+    """The site of these pairs; ``unread`` are folders of pairs that cannot be read, whose site is unknown."""
     if len(own) == 1:
+        readable, also, render = "", "", ""
+        if unread:
+            readable, also = " that can be read", f", and {unread[0]} cannot be read"
+            render = "render that one again, "
         raise IcyMoonError(
-            f"--fuse-suns: no other pair has the site, the camera and the pose of {own[0][1].folder}; give pairs of it "
-            "under other Suns, or leave --fuse-suns out."
+            f"--fuse-suns: no other pair{readable} has the site, the camera and the pose of {own[0][1].folder}{also}; "
+            f"{render}give pairs of it under other Suns, or leave --fuse-suns out."
         )
     first: dict[tuple[float, ...], Path] = {}
     for _, pair in own:

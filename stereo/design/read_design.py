@@ -26,6 +26,7 @@ from ...support.suggestions import suggest_nearest
 from ..learning.grounds import SUN_DEG, TERRAINS, Variety
 from ..matchers.lidar_options import RETURNS
 from ..matchers.methods import Method, parse_methods
+from ..matchers.search_range import refuse_true_range
 
 _FIX = "compare it with the shipped design, stereo/design/suites.toml"
 #: Settings that act on pairs by rays; others would be ignored.
@@ -128,10 +129,10 @@ def find_design(name: str) -> Path:
 def read_design(path: Path) -> Design:
     """Read and check a design. Raises IcyMoonError that names the file, the fault and a fix."""
     data, text = read_toml_and_text(path)
-    check_record(data, _SHAPE, path, _FIX)
-    _refuse_unknown_keys(data, _SHAPE, "", path)
+    _refuse_unknown_keys(data, _SHAPE, "", path)  # before missing ones, of which one may be misspelt
     for table in ("design", "costs"):
-        _refuse_unknown_keys(data[table], _SHAPE[table], f"{table}.", path)
+        _refuse_unknown_keys(data.get(table), _SHAPE[table], f"{table}.", path)
+    check_record(data, _SHAPE, path, _FIX)
     head = data["design"]
     _check_head(head, data["costs"], path)
     base = merged(*_load_presets(head["include"], path), check(data.get("settings", {}), str(path)))
@@ -156,8 +157,8 @@ def _load_presets(names: Sequence[str], path: Path) -> list[Settings]:
         raise IcyMoonError(f"{path}: design.include: {error}") from None
 
 
-def _refuse_unknown_keys(table: Mapping[str, Any], shape: Any, name: str, path: Path) -> None:
-    for key in table:
+def _refuse_unknown_keys(table: object, shape: Any, name: str, path: Path) -> None:
+    for key in table if isinstance(table, Mapping) else ():
         if key not in shape:
             raise IcyMoonError(f"{path}: unknown key {name}{key}, {suggest_nearest(key, tuple(shape))}")
 
@@ -238,6 +239,7 @@ def _read_method(text: str, where: str) -> Method:
         raise IcyMoonError(
             f"{where}: {RETURNS} is a scan of a rendered pair, and grounds by rays have none; leave it out."
         )
+    refuse_true_range(methods[0].options, f"{where}: method {text}")
     return methods[0]
 
 

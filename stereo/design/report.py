@@ -103,7 +103,8 @@ def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]
     design = study.design
     own, landforms = (collect(design, sort_rows(rows, split)) for split in (OWN, LANDFORM))
     bounds = compare(own)
-    ranking = compare_rankings(own.loss, landforms.loss, seed) if landforms.grounds and own.grounds else None
+    ranked = len(design.suites) > 1 and landforms.grounds and own.grounds
+    ranking = compare_rankings(own.loss, landforms.loss, seed) if ranked else None
     suites = _list_suites(design, own, landforms, bounds) if own.grounds else []
     return {
         "format": FORMAT,
@@ -184,11 +185,14 @@ def _make_front_sentences(suites: Sequence[_Row]) -> Iterable[str]:
         return
     best = min(suites, key=lambda entry: entry[RISK]["mean"])
     (low, high), risk = best[RISK]["interval"], best[RISK]["mean"]
+    stated, grounds = f"{risk:.3f} (95 %: {_show(low)} to {_show(high)})", format_count(best["grounds"], "ground")
+    if len(suites) == 1:
+        yield f"On {grounds}, {best['suite']} has a risk of {stated}; there is no other suite to compare with."
+        return
     names = [entry["suite"] for entry in suites if entry[RISK]["mean"] <= risk + _ROUNDING]
     yield (
-        f"Of {format_count(len(suites), 'suite')} on {format_count(best['grounds'], 'ground')}, {', '.join(names)} "
-        f"{'has' if len(names) == 1 else 'have'} the least measured risk, {risk:.3f} ({_show(low)} to {_show(high)}); "
-        "as the least of several it is rather too low."
+        f"Of {len(suites)} suites on {grounds}, {', '.join(names)} {'has' if len(names) == 1 else 'have'} the least "
+        f"measured risk, {stated}; as the least of several it is rather too low."
     )
     on_front = [entry["suite"] for entry in suites if entry["place"] == FRONT]
     yield (
@@ -222,7 +226,7 @@ def _make_ranking_sentences(ranking: _Row | None, landforms: Measured) -> Iterab
     }
     yield (
         f"Kendall's tau-b of the rankings by risk, on these grounds and on {len(landforms.grounds)} of held-out "
-        f"landforms, is {ranking['tau']:.2f} ({low:.2f} to {high:.2f}); of random halves of these grounds it is "
+        f"landforms, is {ranking['tau']:.2f} (95 %: {low:.2f} to {high:.2f}); of random halves of these grounds it is "
         f"{_show_tau(ranking['halves'])}. "
         + ends.get(
             ranking["verdict"],
@@ -274,7 +278,7 @@ def list_cells(entry: _Row) -> tuple[str, ...]:
 
 
 def _show_interval(found: _Row, factor: float, decimals: int) -> str:
-    """A mean with its interval in brackets, if it has one."""
+    """A mean with its interval in brackets, if it has one. The page breaks the line before the bracket."""
     if found["mean"] is None:
         return "–"
     low, high = found["interval"]
@@ -284,8 +288,8 @@ def _show_interval(found: _Row, factor: float, decimals: int) -> str:
 
 def _show_rounded_interval(found: _Row) -> str:
     low, high = found["interval"]
-    between = "" if low is None else f" ({show_rounded(low)} to {show_rounded(high)})"
-    return f"{show_rounded(found['mean'])}{between}"
+    between = "" if low is None else f" ({show_rounded(low, 3)} to {show_rounded(high, 3)})"
+    return f"{show_rounded(found['mean'], 3)}{between}"
 
 
 def _describe_place(entry: _Row) -> str:
@@ -337,8 +341,15 @@ def _list_stated(report: _Row) -> list[tuple[str, str, str]]:
     """The stated numbers with their sources."""
     numbers = {"design.abstain_loss": report["abstain_loss"]} | {f"costs.{k}": v for k, v in report["costs"].items()}
     return [
-        (name, f"{value:g}", report["sources"].get(name, "Stated by the design")) for name, value in numbers.items()
+        (name, show_rounded(value, 7), report["sources"].get(name, "Stated by the design"))
+        for name, value in numbers.items()
     ]
+
+
+def _find_bars(found: _Row) -> list[list[float]]:
+    """The lengths of the bars of a mean to its bounds; 0 with too few grounds for an interval."""
+    low, high = found["interval"]
+    return [[0.0], [0.0]] if low is None else [[max(found["mean"] - low, 0)], [max(high - found["mean"], 0)]]
 
 
 #: The charts: quantity along the bottom, its name, and the name of the chart.
@@ -351,15 +362,14 @@ def _draw_front(suites: Sequence[_Row], quantity: str, label: str, name: str) ->
         figure, axes = make_figure(1, width=5.6, height=4.2)
         axis = axes[0, 0]
         for k, entry in enumerate(suites):
-            middle, (low, high) = entry[RISK]["mean"], entry[RISK]["interval"]
-            cost, (least, most) = entry[quantity]["mean"], entry[quantity]["interval"]
-            across = [[0.0], [0.0]] if least is None else [[max(cost - least, 0)], [max(most - cost, 0)]]
+            middle = entry[RISK]["mean"]
+            cost = entry[quantity]["mean"]
             colour = METHOD_COLOURS[k % len(METHOD_COLOURS)]
             axis.errorbar(
                 [cost],
                 [middle],
-                xerr=across,
-                yerr=[[max(middle - low, 0)], [max(high - middle, 0)]],
+                xerr=_find_bars(entry[quantity]),
+                yerr=_find_bars(entry[RISK]),
                 color=colour,
                 marker=METHOD_MARKS[(k + k // len(METHOD_COLOURS)) % len(METHOD_MARKS)],
                 markerfacecolor="none" if entry["place"] == BEATEN else colour,

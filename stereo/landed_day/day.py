@@ -34,7 +34,7 @@ from ..fusion.suns import join_disparities
 from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
 from ..learning.radiance import Lighting
 from ..matchers.methods import Method
-from ..matchers.search_range import AUTO, TRUTH
+from ..matchers.search_range import refuse_true_range
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 from .dug_ground import dig_ground, open_series
@@ -163,11 +163,7 @@ class LandedDay:
         _check_lander(self.lander)
         if not 0 < self.most_energy_wh < np.inf:
             raise IcyMoonError(f"most_energy_wh is {self.most_energy_wh:g}; give watt-hours above 0.")
-        if TRUTH in self.method.options.values():
-            raise IcyMoonError(
-                f"The method {self.method.label} searches the range of the true disparities, which a lander does not "
-                f"know; leave the option out, or give it {AUTO}."
-            )
+        refuse_true_range(self.method.options, f"The method {self.method.label}")
         self._start = parse_date(self.lander.light.date_utc)
         self._seen = Observation(0, 0.0, 0.0, self._find_sky(0.0).sun_elevation_deg)
         self._untouched = build_ground(self.recipe)

@@ -104,6 +104,15 @@ def require_range(method: str, word: str, option: str, ranges: Mapping[str, Sear
     raise IcyMoonError(f"{method}.{option} is {word}, but the true disparity is unknown here; give auto or a number.")
 
 
+def refuse_true_range(options: Mapping[str, Any], whose: str) -> None:
+    """Raise IcyMoonError if the ``options`` of a method, which ``whose`` names, ask for the true disparities."""
+    if TRUTH in options.values():
+        raise IcyMoonError(
+            f"{whose} searches the range of the true disparities, which a lander does not know; leave the option out, "
+            f"or give it {AUTO}."
+        )
+
+
 def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
     """Disparities from a multiple of STEP_PX on, a multiple of it many, that enclose both values, with fewer than the
     image has columns.

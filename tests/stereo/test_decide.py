@@ -135,6 +135,26 @@ def test_only_what_is_missing_is_made(dataset, tmp_path, monkeypatch):
     assert calls[5:] == ["bm"] * 2
 
 
+def test_other_methods_do_not_change_where_the_scoop_is_found(dataset, tmp_path, monkeypatch):
+    """A run that was stopped between two methods goes on to the numbers of a whole one."""
+
+    def locate(scoop, depth_m, pair, pose, random):
+        found = {"apart_mm": 0.0, "pixels": 1, "known": 1.0, "error_deg": 0.0, "found_mm": None}
+        return found | {"error_mm": random.random()}
+
+    monkeypatch.setattr(decide, "find_scoop", lambda pair, pose, random: random.random(5))
+    monkeypatch.setattr(decide, "locate_scoop", locate)
+
+    def read(report):
+        return {(row["pair"], row["method"]): row["numbers"]["scoop"]["error_mm"] for row in report["rows"]}
+
+    whole = read(run([dataset], tmp_path / "whole", "bm,sgbm"))
+    assert len(set(whole.values())) == 6
+    run([dataset], tmp_path / "parts", "sgbm")
+    assert read(run([dataset], tmp_path / "parts", "bm,sgbm")) == whole
+    assert read(run([dataset], tmp_path / "other", "bm,sgbm", seed=1)).items().isdisjoint(whole.items())
+
+
 def test_without_true_heights_the_depth_of_both_eyes_is_the_truth(tmp_path):
     workspaces.write(tmp_path / "pair", exact=False)
     report = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.05)

@@ -11,6 +11,7 @@ import pytest
 import workspaces
 from icymoon.physics.light.directions import direction_toward
 from icymoon.physics.light.ephemeris import find_positions
+from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo import decide
 from icymoon.stereo.decide import TRUE_DEPTH, count_suns, decide_pairs
 from icymoon.stereo.decisions.calibrated_run import CalibrationOrder
@@ -154,9 +155,12 @@ def test_another_camera_or_ground_is_another_site(suns, changes, tmp_path):
 
 
 def test_a_camera_that_moved_is_another_site(suns, tmp_path):
+    """Its height is over the ground, so equal settings do not make equal poses."""
     data = json.loads((suns[1] / "pair.json").read_text())
-    data["poses_camera_to_world"]["left"][0][3] += 0.001
+    for eye in ("left", "right"):
+        data["poses_camera_to_world"][eye][2][3] += 0.001
     (suns[1] / "pair.json").write_text(json.dumps(data))
+    read_pair(suns[1])
     with pytest.raises(IcyMoonError, match="no other pair has the site"):
         find_fused_sites(find_sources(suns))
 
@@ -179,6 +183,16 @@ def test_a_pair_that_is_damaged_fails_its_site(suns, tmp_path):
     report = run(suns, tmp_path / "out", fuse_suns=True)
     assert [(row["pair"], row["status"]) for row in report["rows"]] == [("b", "failed"), ("b", "failed")]
     assert "left.exr" in report["failed"][0]["message"]
+
+
+def test_a_site_whose_other_pair_cannot_be_read_names_it(suns, tmp_path):
+    """The pair that is whole is not at fault."""
+    (suns[1] / "pair.json").write_text("{")
+    with pytest.raises(IcyMoonError, match=r"pose of .*a, and .*b cannot be read; render that one again, give pairs"):
+        run(suns, tmp_path / "out", fuse_suns=True)
+    with pytest.raises(IcyMoonError, match=r"no other pair has .* of .*a; give pairs of it under other Suns"):
+        run(suns[:1], tmp_path / "out", fuse_suns=True)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_site_is_suspect_if_one_of_its_pairs_is(suns, tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ import pytest
 from icymoon.commands.cli import main
 from icymoon.stereo.cli import main as stereo_main
 from icymoon.stereo.design import measure_suites as study_of
+from icymoon.stereo.design.read_design import find_design
 from icymoon.stereo.design.report import FIRST_BYTES
 from icymoon.support.errors import IcyMoonError
 
@@ -116,6 +117,81 @@ def test_a_study_in_which_all_fails_still_has_a_report(made, tmp_path, capsys, m
     assert (report["suites"], report["ranking"], len(report["failed"])) == ([], None, 400)
     assert "40 grounds on which a suite failed count nowhere." in report["notes"]
     assert "400 failed" in (tmp_path / "design.html").read_text(encoding="utf-8")
+
+
+def fail_wide(monkeypatch, fails):
+    """Let the suite ``wide`` fail on the grounds for which ``fails`` of their place among all is true."""
+    measure = study_of._OpenGround.measure
+    places: dict[tuple[str, int], int] = {}
+
+    def measure_or_fail(self, suite):
+        place = places.setdefault((self._recipe.split, self._recipe.number), len(places))
+        if suite.name == "wide" and fails(place):
+            raise IcyMoonError("no light; turn it on.")
+        return measure(self, suite)
+
+    monkeypatch.setattr(study_of._OpenGround, "measure", measure_or_fail)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.left_to_ci
+@pytest.mark.parametrize("left", [1, 3])
+def test_a_study_of_few_grounds_without_a_failure_has_a_page(made, tmp_path, capsys, monkeypatch, left):
+    fail_wide(monkeypatch, lambda place: left <= place < 20)
+    assert run(tmp_path) == 1
+    report = json.loads((tmp_path / "design.json").read_text())
+    assert (report["grounds"], report["landforms"]) == (left, 20)
+    for entry in report["suites"]:
+        assert (entry["risk"]["interval"] == [None, None]) == (left == 1)
+        assert entry["energy_j"]["interval"] == [None, None]
+    page = (tmp_path / "design.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == 2
+    assert "None" not in page
+    assert "nan" not in page.replace("dominant", "")
+
+
+@pytest.fixture
+def write_suites(tmp_path):
+    """Write the shipped design with these suites alone, and return its path."""
+
+    def write(*names):
+        text = find_design("suites").read_text(encoding="utf-8")
+        head, *suites = text.split("[[suite]]")
+        suites[-1], sources = suites[-1].split("[sources]")
+        own = [each for each in suites if any(f'name = "{name}"' in each for name in names)]
+        path = tmp_path / "mine.toml"
+        path.write_text("[[suite]]".join([head, *own]) + "\n[sources]" + sources, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.left_to_ci
+def test_one_suite_is_compared_with_nothing(made, write_suites, tmp_path, capsys):
+    assert run(tmp_path / "out", str(write_suites("base"))) == 0
+    report = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert [entry["suite"] for entry in report["suites"]] == ["base"]
+    assert len(report["head"]) == 1
+    assert report["head"][0].startswith("On 20 grounds, base has a risk of ")
+    assert report["ranking"] is None
+
+
+@pytest.mark.left_to_ci
+def test_the_page_claims_of_differences_what_its_numbers_show(made, write_suites, tmp_path, capsys):
+    """The bounds of a difference hold together with those of all others, so they may be wider than both bars."""
+    assert run(tmp_path / "out", str(write_suites("base", "wide", "fine"))) == 0
+    report = json.loads((tmp_path / "out" / "design.json").read_text())
+    width = {entry["suite"]: np.diff(entry["risk"]["interval"])[0] for entry in report["suites"]}
+    wider = [
+        entry
+        for entry in report["differences"]
+        if np.diff(entry["risk"]) > width[entry["suite"]] + width[entry["other"]]
+    ]
+    page = (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
+    assert wider
+    assert "differences are narrower" not in page
+    assert page.count("95 %: ") == 2  # of the least risk and of tau
+    assert "1 310 720" in page
 
 
 @pytest.mark.parametrize("start", [main, stereo_main])

@@ -38,7 +38,10 @@ def test_the_shipped_suites_differ_in_each_kind_of_choice():
 
 #: What is exchanged in the shipped design, and words of the sentence, which end in the fix.
 WRONG: dict[str, tuple[Any, str, str]] = {
-    "no table": ("[costs]", "[cost]", "costs is missing; compare it with the shipped design"),
+    "no table": (re.compile(r"(?s)\[costs\].*?(?=# What)"), "", "costs is missing; compare it with the shipped design"),
+    "no table of costs": (re.compile(r"(?s)\[costs\].*?(?=# What)"), "[[costs]]\n", "costs is .*; compare it with the"),
+    "misspelt table": ("[costs]", "[cost]", "unknown key cost, did you mean 'costs'"),
+    "misspelt cost": ("camera_w = 3.0", "camera_watt = 3.0", "unknown key costs.camera_watt, did you mean 'camera_w'"),
     "unknown key": ("rays_per_pixel = 2", "rays_per_pixel = 2\nray = 1", "unknown key design.ray, .*rays_per_pixel"),
     "unknown cost": ("camera_w = 3.0", "camera_w = 3.0\nmotor_w = 1.0", "unknown key costs.motor_w"),
     "unknown table": ("\n[settings]\n", "\n[other]\na = 1\n[settings]\n", "unknown key other"),
@@ -54,6 +57,7 @@ WRONG: dict[str, tuple[Any, str, str]] = {
     "no Sun": ("suns = 3", "suns = 0", "suite suns_3 has suns = 0; give 1 to 100"),
     "matcher": ('method = "jplv"', 'method = "jpl"', "suite jplv: method: .*jplv"),
     "two methods": ('method = "jplv"', 'method = "jplv,bm"', "has 2 methods, jplv,bm; give one"),
+    "truth": ('method = "jplv"', 'method = "bm:disparities=truth"', "bm:disparities=truth searches .* leave"),
     "scan": ("points=100\"", "points=100:returns=scans\"", "grounds by rays have none; leave it out"),
     "setting": ("rig.baseline_m = 0.12", "rig.base_m = 0.12", "suite short.*baseline_m"),
     "lamp": ("rig.baseline_m = 0.12", "light.planet = false", "suite short states light, .*in \\[settings\\]"),
