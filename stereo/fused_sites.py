@@ -94,15 +94,15 @@ def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
 def _make_site(own: Sequence[tuple[RenderedPair, Pair]]) -> FusedSite:
     if len(own) == 1:
         raise IcyMoonError(
-            f"--fuse-suns: no other pair has the site, the camera and the pose of {own[0][1].folder}; give pairs of it "
-            "under other Suns, or leave --fuse-suns out."
+            f"No other pair has the site, the camera and the pose of {own[0][1].folder}; give pairs of it under other "
+            "Suns, or decide without fusing Suns."
         )
     first: dict[tuple[float, ...], Path] = {}
     for _, pair in own:
         sun = () if pair.sun is None else tuple(pair.sun.direction.tolist())
         same = first.setdefault(sun, pair.folder)
         if sun and same is not pair.folder:
-            raise IcyMoonError(f"--fuse-suns: {same} and {pair.folder} are under one Sun; give one of them.")
+            raise IcyMoonError(f"{same} and {pair.folder} are of one site under one Sun; leave one of them out.")
     return FusedSite(tuple(source for source, _ in sorted(own, key=lambda each: _find_time(each[1]))))
 
 
