@@ -26,6 +26,8 @@ _MAY_DIFFER = {
     "rig": ("frame", "stamp"),
 }
 _LIGHT = "light"
+#: Increased when the same pairs of a site give other numbers or files.
+_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class FusedSite:
         return self.pairs[-1].folder
 
     def list_dependencies(self) -> list[Any]:
-        """The checksums of all pairs."""
-        return [each for pair in self.pairs for each in pair.list_dependencies()]
+        """The checksums of all pairs, and the version of the files that follow from them."""
+        return [_VERSION, *(each for pair in self.pairs for each in pair.list_dependencies())]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """The last pair, see ``RenderedPair.prepare``."""

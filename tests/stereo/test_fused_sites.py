@@ -51,7 +51,32 @@ def test_a_site_has_one_row_which_states_its_suns(suns, tmp_path):
         assert [line["suns"] for line in csv.DictReader(stream)] == ["2", "2"]
     facts = json.loads((tmp_path / "out" / "pairs" / "b" / "decisions.json").read_text())
     assert [fact["pair"] for fact in facts["suns"]] == ["a", "b"]
-    assert "2 Suns, at 60°, 60°" in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert "2 Suns, at 60°, 60°" in page
+
+
+def test_the_page_counts_sites_where_suns_are_fused_and_pairs_elsewhere(suns, tmp_path):
+    for name, fused, count, other in (("fused", True, "1 site", "pair"), ("alone", False, "2 pairs", "site")):
+        report = run(suns, tmp_path / name, fuse_suns=fused)
+        page = (tmp_path / name / "decisions.html").read_text(encoding="utf-8")
+        unit = count.split()[1].rstrip("s")
+        assert f"<small>{count}, 1 scene</small>" in page
+        assert f"{count} ·" in page
+        assert f"Means over {unit}s" in page
+        assert f"Means over {other}s" not in page
+        assert f" of {count}, an unsafe one in " in report["head"][0]
+
+
+def test_a_site_states_the_noise_of_each_of_its_pairs(suns, tmp_path):
+    run(suns, tmp_path / "fused", fuse_suns=True)
+    run(suns, tmp_path / "alone")
+    fused, *alone = (
+        json.loads((tmp_path / out / "pairs" / pair / "decisions.json").read_text())
+        for out, pair in (("fused", "b"), ("alone", "a"), ("alone", "b"))
+    )
+    assert [fact["noise"] for fact in fused["suns"]] == [fact["noise"] for fact in alone]
+    assert alone[0]["noise"]["lit"] != alone[1]["noise"]["lit"]  # so that they cannot be mixed up
+    assert "noise" not in fused
 
 
 def test_a_run_that_joins_nothing_stays_as_it_is(suns, tmp_path):
