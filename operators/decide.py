@@ -20,6 +20,12 @@ from .render import find_dataset_folder
 class DecidingOperator(JobOperator):
     """Mix-in: an operator that decides on the data set by the chosen matchers."""
 
+    fuse_suns: bpy.props.BoolProperty(
+        name="Fuse Suns",
+        description="Decide once on the pairs of a site that one camera took in one pose under several Suns",
+        options={"SKIP_SAVE"},  # or the button without it would have the answer of the last one
+    )
+
     def make_file_arguments(self) -> tuple[str, ...]:
         """The arguments of the command that name a file of the user; none by the shipped rules without a guarantee."""
         return ()
@@ -38,6 +44,7 @@ class DecidingOperator(JobOperator):
             *make_matcher_arguments(settings),
             *make_response_arguments(settings),
             *self.make_file_arguments(),
+            *(["--fuse-suns"] if self.fuse_suns else []),
             "--out",
             str(self._page.parent),
             "--json-lines",
@@ -59,6 +66,12 @@ class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):
 
     bl_idname = "icymoon.decide"
     bl_label = "Decide Where to Dig"
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """The tooltip, with what becomes of several Suns."""
+        suns = properties.rna_type.properties["fuse_suns"].description
+        return f"{cls.__doc__}. {suns}" if properties.fuse_suns else str(cls.__doc__)
 
 
 class DecidingByFile(DecidingOperator):

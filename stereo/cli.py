@@ -715,7 +715,8 @@ def _print_decisions(report: dict[str, Any]) -> None:
     from .decisions.report import DEM_COLUMNS, OTHER_COLUMNS, SITE_COLUMNS, format_cell
 
     columns = (*SITE_COLUMNS[:6], DEM_COLUMNS[1], DEM_COLUMNS[3], DEM_COLUMNS[4], *OTHER_COLUMNS[2:])
-    _print_means("Means over pairs", report["summary"], columns, format_cell, narrowest=160)
+    units = "sites" if report["provenance"].get("fuse_suns") else "pairs"
+    _print_means(f"Means over {units}", report["summary"], columns, format_cell, narrowest=160)
     for sentence in (*report["head"], *report["notes"]):
         printer.say(sentence)
 

@@ -335,7 +335,12 @@ def _describe_sun(prepared: PreparedPair) -> dict[str, Any]:
     pair = prepared.pair
     assert isinstance(pair, Pair)
     elevation = elevation_deg(read_sun_direction(pair))
-    return {"pair": pair.name, "sun_elevation_deg": elevation, "suspect": not prepared.check.ok}
+    return {
+        "pair": pair.name,
+        "sun_elevation_deg": elevation,
+        "suspect": not prepared.check.ok,
+        "noise": prepared.facts.get("noise"),
+    }
 
 
 def _make_row_key(method: Method, pairs: Sequence[Source], content: str) -> str:
@@ -524,7 +529,7 @@ def _write_facts(workspace: Workspace, others: _OtherSuns, out: Path, key: str) 
             "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
             "height_px": int(prepared.left.shape[0]),
             "suspect": not (prepared.check.ok and others.agree),
-            "noise": prepared.facts.get("noise"),
+            **({} if others.facts else {"noise": prepared.facts.get("noise")}),
             "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()},
             **({"suns": [*others.facts, _describe_sun(prepared)]} if others.facts else {}),
         },

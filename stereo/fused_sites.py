@@ -26,6 +26,8 @@ _MAY_DIFFER = {
     "rig": ("frame", "stamp"),
 }
 _LIGHT = "light"
+#: Increased when the same pairs of a site give other numbers or files.
+_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class FusedSite:
         return self.pairs[-1].folder
 
     def list_dependencies(self) -> list[Any]:
-        """The checksums of all pairs."""
-        return [each for pair in self.pairs for each in pair.list_dependencies()]
+        """The checksums of all pairs, and the version of the files that follow from them."""
+        return [_VERSION, *(each for pair in self.pairs for each in pair.list_dependencies())]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """The last pair, see ``RenderedPair.prepare``."""
@@ -101,15 +103,15 @@ def _make_site(own: Sequence[tuple[RenderedPair, Pair]], unread: Sequence[Path])
             readable, also = " that can be read", f", and {unread[0]} cannot be read"
             render = "render that one again, "
         raise IcyMoonError(
-            f"--fuse-suns: no other pair{readable} has the site, the camera and the pose of {own[0][1].folder}{also}; "
-            f"{render}give pairs of it under other Suns, or leave --fuse-suns out."
+            f"No other pair{readable} has the site, the camera and the pose of {own[0][1].folder}{also}; {render}give "
+            "pairs of it under other Suns, or decide without fusing Suns."
         )
     first: dict[tuple[float, ...], Path] = {}
     for _, pair in own:
         sun = () if pair.sun is None else tuple(pair.sun.direction.tolist())
         same = first.setdefault(sun, pair.folder)
         if sun and same is not pair.folder:
-            raise IcyMoonError(f"--fuse-suns: {same} and {pair.folder} are under one Sun; give one of them.")
+            raise IcyMoonError(f"{same} and {pair.folder} are of one site under one Sun; leave one of them out.")
     return FusedSite(tuple(source for source, _ in sorted(own, key=lambda each: _find_time(each[1]))))
 
 

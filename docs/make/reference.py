@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import ast
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -351,12 +351,7 @@ def _operators_of(path: Path) -> Iterator[Operator]:
     for node in classes.values():
         if "_OT_" not in node.name:
             continue
-        body = [
-            statement
-            for base in node.bases
-            if isinstance(base, ast.Name) and base.id in classes
-            for statement in classes[base.id].body
-        ] + node.body
+        body = _gather_statements(node, classes)
         stated = _assigned(body, constants)
         properties: dict[str, tuple[str, str]] = {}
         if "__annotations__" in stated:  # made of settings
@@ -383,6 +378,12 @@ def _operators_of(path: Path) -> Iterator[Operator]:
                     properties[statement.target.id] = (words["name"], words.get("description") or "")
                     choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
         yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+
+
+def _gather_statements(node: ast.ClassDef, classes: Mapping[str, ast.ClassDef]) -> list[ast.stmt]:
+    """The statements of a class, after those that it inherits from ``classes`` of its file."""
+    bases = (classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes)
+    return [statement for base in bases for statement in _gather_statements(base, classes)] + node.body
 
 
 def _file_words(call: ast.Call) -> dict[str | None, Any]:

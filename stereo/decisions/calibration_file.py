@@ -210,7 +210,7 @@ def _read_goal(stated: Mapping[str, Any]) -> Goal:
 
 
 def _describe_suns(suns: int) -> str:
-    return "one Sun for each decision" if suns == 1 else f"{suns} Suns of a site joined by --fuse-suns"
+    return "one Sun for each decision" if suns == 1 else f"{suns} fused Suns for each decision"
 
 
 def check_use(

@@ -90,8 +90,14 @@ SITE_COLUMNS = (
     Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
     Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
     Column("sites.regret", "Regret", "", 2, "margin of the best site minus the margin of the chosen one; 1 if unsafe"),
-    Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
-    Column("sites.no_site", "None chosen", "%", 0, "pairs without a chosen site although a safe site exists"),
+    Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "of the decisions, those whose chosen site is not safe"),
+    Column(
+        "sites.no_site",
+        "None chosen",
+        "%",
+        0,
+        "of the decisions, those without a chosen site although a safe site exists",
+    ),
     Column(
         "sites.dangerous",
         "Of these dangerous",
@@ -100,13 +106,15 @@ SITE_COLUMNS = (
         "of the cells classified as safe, those that miss a limit by more than the tolerance; other unsafe ones are "
         "marginal",
     ),
-    Column("sites.dangerous_choice", "Choice dangerous", "%", 0, "pairs where the chosen site is dangerous"),
+    Column(
+        "sites.dangerous_choice", "Choice dangerous", "%", 0, "of the decisions, those whose chosen site is dangerous"
+    ),
 )
 OTHER_COLUMNS = (
     Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places classified as safe, the unsafe ones"),
     Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
-    Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
-    Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"),
+    Column("cpu_s.match", "Matching", "s", 2, "processor seconds for a decision"),
+    Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds for a decision"),
 )
 SCOOP_COLUMNS = (
     Column("scoop.error_mm", "Error (mm)", "", 1, "of the middle of the scoop, from its true place"),
@@ -174,8 +182,8 @@ def write_decisions(
     head = [
         *make_head_sentences(summary, facts),
         *verdicts.sentences,
-        *_make_volume_sentences(progress),
-        *_make_fault_sentences(faults),
+        *_make_volume_sentences(progress, _name_unit(facts)),
+        *_make_fault_sentences(faults, _name_unit(facts)),
     ]
     limit = provenance.get("min_confidence")
     notes = [
@@ -306,12 +314,17 @@ def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     suns = f"under {_describe_suns(facts)}, the last" if _has_suns(facts) else "with the Sun"
     sun = f", {suns} at {_format_range(heights)}°" if heights else ""
-    return [sentence for entry in summary if (sentence := _make_head_sentence(entry, sun))]
+    return [sentence for entry in summary if (sentence := _make_head_sentence(entry, sun, _name_unit(facts)))]
 
 
 def _has_suns(facts: _Entries) -> bool:
     """Whether sites are decided on by several Suns."""
     return any("suns" in fact for fact in facts)
+
+
+def _name_unit(facts: _Entries) -> str:
+    """The noun for what a decision is on: a pair, or the site of the pairs whose Suns are fused."""
+    return "site" if _has_suns(facts) else "pair"
 
 
 def _describe_suns(facts: _Entries) -> str:
@@ -325,7 +338,7 @@ def _format_range(values: Sequence[int]) -> str:
     return f"{values[0]}" if len(values) == 1 else f"{values[0]} to {values[-1]}"
 
 
-def _make_head_sentence(entry: Mapping[str, Any], sun: str) -> str:
+def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
     # Without a second number, no image shows ground in reach.
     if not entry["pairs"] or entry["dem.completeness"] is None:
         return ""
@@ -344,11 +357,12 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str) -> str:
         )
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
     between = _format_interval(entry, "sites.false_safe")
+    chosen = "place" if unit == "site" else "site"  # a site of pairs is not the one that is chosen in it
     return (
         f"With {name}{sun}, {_format_percent(unsafe)} of 100 sites that look safe are not{between}"
         f"{'' if lost is None else f', and {_format_percent(lost)} of 100 safe ones are lost'}; it would choose a "
-        "site in "
-        f"{entry['chosen']} of {format_count(entry['pairs'], 'pair')}, an unsafe one in "
+        f"{chosen} in "
+        f"{entry['chosen']} of {format_count(entry['pairs'], unit)}, an unsafe one in "
         f"{entry['unsafe_chosen']} ({scenes})."
     )
 
@@ -361,7 +375,7 @@ def _format_interval(entry: Mapping[str, Any], key: str) -> str:
     return f" ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def _make_volume_sentences(progress: _Entries) -> list[str]:
+def _make_volume_sentences(progress: _Entries, unit: str) -> list[str]:
     """The smallest volume that each method detects, if null pairs give it."""
     said = []
     for entry in progress:
@@ -369,7 +383,7 @@ def _make_volume_sentences(progress: _Entries) -> list[str]:
             least, low, high = (
                 show_rounded(_LITRES_PER_M3 * value) for value in (entry["smallest_m3"], *entry["bounds_m3"])
             )
-            nulls = format_count(entry["null_pairs"], "pair")
+            nulls = format_count(entry["null_pairs"], unit)
             said.append(
                 f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
                 f"on (between {low} and {high} L, from {nulls} with nothing dug)."
@@ -377,7 +391,7 @@ def _make_volume_sentences(progress: _Entries) -> list[str]:
     return said
 
 
-def _make_fault_sentences(faults: _Entries) -> list[str]:
+def _make_fault_sentences(faults: _Entries, unit: str) -> list[str]:
     """For each method a sentence: the fault of each joint from which on all faults were detected."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
@@ -394,7 +408,7 @@ def _make_fault_sentences(faults: _Entries) -> list[str]:
             )
             found.append(
                 f"With {describe_method(method)}, these faults of a joint are noticed: {joints} (limit "
-                f"from {format_count(own[0]['sound'], 'pair')} without a fault)."
+                f"from {format_count(own[0]['sound'], unit)} without a fault)."
             )
     return found
 
@@ -408,7 +422,7 @@ def find_notes(rows: _Entries, facts: _Entries, on_choices: bool = True) -> list
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
         *_find_notes_on_heights(rows, facts),
-        *_find_notes_on_truth(rows),
+        *_find_notes_on_truth(rows, _name_unit(facts)),
         *_find_notes_on_noise(facts),
         *_find_notes_on_pairs(rows, facts),
         *advice,
@@ -427,7 +441,7 @@ def _find_notes_on_suns(facts: _Entries) -> Iterator[str]:
 
 
 def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
-    all_pairs = format_count(len(facts), "pair")
+    all_pairs = format_count(len(facts), _name_unit(facts))
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
         yield (
@@ -458,7 +472,7 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
         )
 
 
-def _find_notes_on_truth(rows: _Entries) -> Iterator[str]:
+def _find_notes_on_truth(rows: _Entries, unit: str) -> Iterator[str]:
     """The sites that the true depth loses, by reason, and the pairs that cannot rank matchers."""
     own = {row["pair"]: row["numbers"]["sites"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]}
     lost = {pair: sites["safe_lost"] for pair, sites in own.items() if sites["safe_lost"] is not None}
@@ -479,12 +493,12 @@ def _find_notes_on_truth(rows: _Entries) -> Iterator[str]:
         (empty, "they have no safe site to lose"),
     ):
         if pairs:
-            yield f"{format_count(len(pairs), 'pair')} cannot rank matchers, because {reason}: {', '.join(pairs[:5])}."
+            yield f"{format_count(len(pairs), unit)} cannot rank matchers, because {reason}: {', '.join(pairs[:5])}."
 
 
 def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:
-    all_pairs = format_count(len(facts), "pair")
-    noises = [fact.get("noise") or {} for fact in facts]
+    noises = [each.get("noise") or {} for fact in facts for each in fact.get("suns", [fact])]
+    all_pairs = f"{format_count(len(noises), 'pair')}{' under all Suns' if _has_suns(facts) else ''}"
     by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
     if by_noise := sum(noise.get("verdict") == DECIDES for noise in noises) - by_bake:
         yield (
@@ -504,11 +518,13 @@ def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:
 
 
 def _find_notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
-    all_pairs = format_count(len(facts), "pair")
+    unit = _name_unit(facts)
+    all_pairs = format_count(len(facts), unit)
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
+        of_pair = " with a pair" if unit == "site" else ""
         yield (
-            f"No mean contains {format_count(len(suspect), 'pair')} whose eyes contradict each other or the "
+            f"No mean contains {format_count(len(suspect), unit)}{of_pair} whose eyes contradict each other or the "
             f"truth: {', '.join(suspect[:5])}."
         )
     if not all(fact.get("arm") for fact in facts):
@@ -623,7 +639,8 @@ def _render_page(
         how=_INTERVALS_TEXT if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles,
         choice_of=_describe_choice,
-        roc=_draw_roc(report["summary"]),
+        unit=_name_unit(facts),
+        roc=_draw_roc(report["summary"], _name_unit(facts)),
         rules=stated,
         changes=[
             {"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
@@ -696,8 +713,8 @@ def _make_pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> di
     }
 
 
-def _draw_roc(summary: _Entries) -> str:
-    """The mean ROC curves of the methods as SVG."""
+def _draw_roc(summary: _Entries, unit: str) -> str:
+    """The mean ROC curves of the methods over pairs or sites, the ``unit``, as SVG."""
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(1, width=5.2, height=4.2)
         axis = axes[0, 0]
@@ -715,4 +732,4 @@ def _draw_roc(summary: _Entries) -> str:
         axis.set_xlabel("Unsafe cells classified as safe (share)")
         axis.set_ylabel("Safe cells taken (share)")
         add_legend(figure, axis, 3)
-        return render_svg(figure, "roc", "ROC curves of the margin, means over pairs")
+        return render_svg(figure, "roc", f"ROC curves of the margin, means over {unit}s")

@@ -175,7 +175,7 @@ def decide_from_depth(
     rules = workspace.rules
     dem, errors = _make_stated_dem(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
     margin = _find_joint_margins(workspace.pair, pose, dem)
-    bright = _find_lit_pixels(workspace)
+    bright = find_lit_pixels(workspace.prepared, rules.site.lit_level).astype(np.float64)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
     found = _measure_materials(workspace, dem, bright, position, index) if rules.site.needs_materials else None
     layers = measure_layers(dem, margin, lit, rules.site, materials=found, errors=errors, debias=rules.cells.debias)
@@ -362,13 +362,17 @@ def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
 
-def _find_lit_pixels(workspace: Workspace) -> Array:
-    """1.0 or 0.0 (H, W): whether the left image is brighter than a share of the median of its ground."""
-    image = workspace.prepared.left
+def measure_levels(prepared: PreparedPair) -> Array:
+    """The light (H, W) in the left image up to a factor: its grey levels, without the encoding of the sensor."""
+    image = prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
-    level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
-    ground = workspace.prepared.known & find_ground_pixels(workspace.prepared)
-    return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
+    return np.asarray(grey**2 if prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey)
+
+
+def find_lit_pixels(prepared: PreparedPair, lit_level: float) -> Array:
+    """Boolean (H, W): whether the left image is brighter than the share ``lit_level`` of the median of its ground."""
+    level, ground = measure_levels(prepared), prepared.known & find_ground_pixels(prepared)
+    return np.asarray(level > lit_level * np.median(level[ground]))
 
 
 def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:

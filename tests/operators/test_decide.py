@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import bpy
@@ -9,6 +10,7 @@ import pytest
 import workspaces
 from icymoon.operators import decide, trusted_reports
 from icymoon.support.errors import IcyMoonError
+from stand_ins import stand_in
 
 
 @pytest.fixture
@@ -29,6 +31,15 @@ def test_the_data_set_is_decided_and_its_page_is_known_as_ours(tmp_path):
     page = tmp_path / "decisions" / "decisions.html"
     assert trusted_reports.is_own_report(page)
     assert "StereoBM" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.heavy
+@pytest.mark.usefixtures("scene")
+def test_several_suns_of_a_site_are_decided_on_once(tmp_path):
+    workspaces.write_under_sun(tmp_path / "pairs" / "b", 90)
+    assert bpy.ops.icymoon.decide(fuse_suns=True) == {"FINISHED"}
+    report = json.loads((tmp_path / "decisions" / "decisions.json").read_text(encoding="utf-8"))
+    assert [(row["pair"], row["suns"]) for row in report["rows"]] == [("b", 2), ("b", 2)]
 
 
 @pytest.fixture
@@ -57,6 +68,25 @@ def test_files_of_ones_own_reach_the_evaluator(tmp_path, commands):
         at = command.index(option)
         assert command[at + 1] == str(tmp_path / name)
         assert [*command[:at], *command[at + 2 :]] == shipped
+
+
+@pytest.mark.usefixtures("scene")
+def test_suns_are_fused_on_request_by_the_shipped_rules_and_by_files_of_ones_own(tmp_path, commands):
+    for operator, file in (("decide", ""), ("decide_by_rules", "mine.toml"), ("decide_with_guarantee", "c.json")):
+        options = {"filepath": str(tmp_path / file)} if file else {}
+        for fused in ({"fuse_suns": True}, {}):  # the second must not keep the answer of the first
+            with pytest.raises(RuntimeError, match="not started here"):
+                getattr(bpy.ops.icymoon, operator)(**options, **fused)
+        fusing, plain = commands[-2:]
+        assert [word for word in fusing if word != "--fuse-suns"] == plain
+        assert fusing.count("--fuse-suns") == 1
+
+
+def test_the_tooltip_states_what_becomes_of_several_suns():
+    kind = bpy.types.ICYMOON_OT_decide
+    rna = bpy.ops.icymoon.decide.get_rna_type()
+    plain, fusing = (kind.description(bpy.context, stand_in(fuse_suns=fused, rna_type=rna)) for fused in (False, True))
+    assert fusing == f"{plain}. {rna.properties['fuse_suns'].description}"
 
 
 @pytest.mark.usefixtures("scene")

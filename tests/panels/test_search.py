@@ -29,6 +29,7 @@ SOUGHT = {
     "Icy Terrain": "icymoon.add_terrain",
     "Decisions on Ground": "icymoon.paint_decisions",
     "Where to Dig": "icymoon.decide",
+    "several suns": "icymoon.decide",
     "own rules": "icymoon.decide_by_rules",
     "guarantee": "icymoon.decide_with_guarantee",
     "Lander": "icymoon.load_preset",

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-import workspaces
-from icymoon.physics.light.directions import direction_toward
-from icymoon.physics.light.ephemeris import find_positions
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo import decide
 from icymoon.stereo.decide import TRUE_DEPTH, count_suns, decide_pairs
@@ -20,31 +16,11 @@ from icymoon.stereo.evaluated_pairs import RenderedPair, find_sources
 from icymoon.stereo.fused_sites import FusedSite, find_fused_sites, list_pairs
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
+from workspaces import write_under_sun as write
 
 pytestmark = pytest.mark.filterwarnings("error")
 #: The settings of a sensor whose images of one scene are equal to the last digit.
 QUIET = {"read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "full_well_e": 1e7}
-
-
-def write(folder: Path, azimuth_deg: float, settings=None, id_of: Path | None = None, **more) -> Path:
-    """A pair of ``workspaces`` under a Sun of 60 degrees; ``settings`` changes some, ``id_of`` is a pair whose noise it
-    has.
-    """
-    workspaces.write(folder, **more)
-    data = json.loads((folder / "pair.json").read_text())
-    data["light"]["sun"]["direction_to_world"] = direction_toward(azimuth_deg, 60.0).tolist()
-    data["settings"]["light"] |= {"sun_elevation_deg": 60.0, "sun_azimuth_deg": azimuth_deg}
-    for topic, values in (settings or {}).items():
-        data["settings"][topic] |= values
-    light = data["settings"]["light"]
-    if light["directions_from"] == "DATE":
-        place = light["latitude_deg"], light["longitude_deg"]
-        sun = find_positions(light["body"], light["date_utc"], *place).sun
-        data["light"]["sun"]["direction_to_world"] = sun.tolist()
-    if id_of is not None:
-        data["id"] = json.loads((id_of / "pair.json").read_text())["id"]
-    (folder / "pair.json").write_text(json.dumps(data))
-    return folder
 
 
 def run(paths, out, methods="bm", **options):
@@ -76,7 +52,32 @@ def test_a_site_has_one_row_which_states_its_suns(suns, tmp_path):
         assert [line["suns"] for line in csv.DictReader(stream)] == ["2", "2"]
     facts = json.loads((tmp_path / "out" / "pairs" / "b" / "decisions.json").read_text())
     assert [fact["pair"] for fact in facts["suns"]] == ["a", "b"]
-    assert "2 Suns, at 60°, 60°" in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert "2 Suns, at 60°, 60°" in page
+
+
+def test_the_page_counts_sites_where_suns_are_fused_and_pairs_elsewhere(suns, tmp_path):
+    for name, fused, count, other in (("fused", True, "1 site", "pair"), ("alone", False, "2 pairs", "site")):
+        report = run(suns, tmp_path / name, fuse_suns=fused)
+        page = (tmp_path / name / "decisions.html").read_text(encoding="utf-8")
+        unit = count.split()[1].rstrip("s")
+        assert f"<small>{count}, 1 scene</small>" in page
+        assert f"{count} ·" in page
+        assert f"Means over {unit}s" in page
+        assert f"Means over {other}s" not in page
+        assert f" of {count}, an unsafe one in " in report["head"][0]
+
+
+def test_a_site_states_the_noise_of_each_of_its_pairs(suns, tmp_path):
+    run(suns, tmp_path / "fused", fuse_suns=True)
+    run(suns, tmp_path / "alone")
+    fused, *alone = (
+        json.loads((tmp_path / out / "pairs" / pair / "decisions.json").read_text())
+        for out, pair in (("fused", "b"), ("alone", "a"), ("alone", "b"))
+    )
+    assert [fact["noise"] for fact in fused["suns"]] == [fact["noise"] for fact in alone]
+    assert alone[0]["noise"]["lit"] != alone[1]["noise"]["lit"]  # so that they cannot be mixed up
+    assert "noise" not in fused
 
 
 def test_a_run_that_joins_nothing_stays_as_it_is(suns, tmp_path):
@@ -149,7 +150,10 @@ def test_the_latest_date_is_the_last_sun(tmp_path):
 )
 def test_another_camera_or_ground_is_another_site(suns, changes, tmp_path):
     other = write(tmp_path / "set" / "pairs" / "c", 180, changes)
-    with pytest.raises(IcyMoonError, match=r"no other pair has the site, the camera and the pose of .*c; give pairs"):
+    said = (
+        r"No other pair has the site, the camera and the pose of .*c; give pairs of it .*or decide without fusing Suns"
+    )
+    with pytest.raises(IcyMoonError, match=said):
         run([*suns, other], tmp_path / "out", fuse_suns=True)
     assert not (tmp_path / "out").exists()
 
@@ -161,7 +165,7 @@ def test_a_camera_that_moved_is_another_site(suns, tmp_path):
         data["poses_camera_to_world"][eye][2][3] += 0.001
     (suns[1] / "pair.json").write_text(json.dumps(data))
     read_pair(suns[1])
-    with pytest.raises(IcyMoonError, match="no other pair has the site"):
+    with pytest.raises(IcyMoonError, match="No other pair has the site"):
         find_fused_sites(find_sources(suns))
 
 
@@ -174,7 +178,7 @@ def test_exposures_and_seeds_of_noise_may_differ(suns, tmp_path):
 
 def test_two_pairs_under_one_sun_are_refused(suns, tmp_path):
     same = write(tmp_path / "set" / "pairs" / "c", 90)
-    with pytest.raises(IcyMoonError, match=r"b and .*c are under one Sun; give one of them"):
+    with pytest.raises(IcyMoonError, match=r"b and .*c are of one site under one Sun; leave one"):
         run([*suns, same], tmp_path / "out", fuse_suns=True)
 
 
@@ -190,7 +194,7 @@ def test_a_site_whose_other_pair_cannot_be_read_names_it(suns, tmp_path):
     (suns[1] / "pair.json").write_text("{")
     with pytest.raises(IcyMoonError, match=r"pose of .*a, and .*b cannot be read; render that one again, give pairs"):
         run(suns, tmp_path / "out", fuse_suns=True)
-    with pytest.raises(IcyMoonError, match=r"no other pair has .* of .*a; give pairs of it under other Suns"):
+    with pytest.raises(IcyMoonError, match=r"No other pair has .* of .*a; give pairs of it under other Suns"):
         run(suns[:1], tmp_path / "out", fuse_suns=True)
     assert not (tmp_path / "out").exists()
 

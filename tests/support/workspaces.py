@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pairs
+from icymoon.physics.light.directions import direction_toward
+from icymoon.physics.light.ephemeris import find_positions
 from icymoon.settings.description import defaults, merged
 from icymoon.support.files import hash_file
 
@@ -42,5 +46,32 @@ def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True, no
             "bytes": (folder / "workspace.npy").stat().st_size,
             "sha256": hash_file(folder / "workspace.npy"),
         }
+    (folder / "pair.json").write_text(json.dumps(data))
+    return folder
+
+
+def write_under_sun(
+    folder: Path,
+    azimuth_deg: float,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    id_of: Path | None = None,
+    noise: float = 0.0,
+) -> Path:
+    """A pair as of ``write``, under a Sun of 60 degrees; ``settings`` changes some, ``id_of`` is a pair whose noise it
+    has.
+    """
+    write(folder, noise=noise)
+    data = json.loads((folder / "pair.json").read_text())
+    data["light"]["sun"]["direction_to_world"] = direction_toward(azimuth_deg, 60.0).tolist()
+    data["settings"]["light"] |= {"sun_elevation_deg": 60.0, "sun_azimuth_deg": azimuth_deg}
+    for topic, values in (settings or {}).items():
+        data["settings"][topic] |= values
+    light = data["settings"]["light"]
+    if light["directions_from"] == "DATE":
+        place = light["latitude_deg"], light["longitude_deg"]
+        sun = find_positions(light["body"], light["date_utc"], *place).sun
+        data["light"]["sun"]["direction_to_world"] = sun.tolist()
+    if id_of is not None:
+        data["id"] = json.loads((id_of / "pair.json").read_text())["id"]
     (folder / "pair.json").write_text(json.dumps(data))
     return folder

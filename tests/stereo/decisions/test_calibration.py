@@ -432,7 +432,9 @@ def test_a_calibration_of_another_number_of_suns_is_refused(tmp_path):
         write_calibration(path, Goal(), replace(CONDITIONS, suns=suns), list(stated.values()), entries)
         calibration = read_calibration(path)
         check_use(calibration, replace(CONDITIONS, suns=suns), new, INPUTS)
-        with pytest.raises(IcyMoonError, match=r"Sun.* joined by --fuse-suns.*; decide on as many, or calibrate again"):
+        with pytest.raises(
+            IcyMoonError, match=r"fused Suns for each decision.*; decide on as many, or calibrate again"
+        ):
             check_use(calibration, replace(CONDITIONS, suns=other), new, INPUTS)
 
 

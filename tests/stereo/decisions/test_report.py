@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from icymoon.stereo.decisions.report import COLUMNS, compare_methods, find_notes, make_head_sentences, summarise
+from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, RENDER, UNKNOWN
 
 SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
 
@@ -176,3 +177,24 @@ def test_choices_on_enough_grounds_have_the_bound_of_clopper_and_pearson():
     assert "unsafe on 0 of 59 grounds, and with 95 % confidence on at most 5.0 %" in note  # 1 - 0.05^(1/59)
     (note,) = _choose_on(60, 6, 2)
     assert "unsafe on 6 of 60 grounds" in note
+
+
+def test_noise_is_counted_over_the_pairs_of_all_suns_and_not_over_the_last():
+    decides, clean = {"verdict": DECIDES, "larger": RENDER}, {"verdict": CLEAN, "larger": None}
+    baked, unknown = {"verdict": DECIDES, "larger": BAKE}, {"verdict": UNKNOWN, "larger": None}
+
+    def tell(*sites):
+        facts = [
+            {"pair": str(k), "scene": str(k), "exact": True, "arm": True, "suns": [{"noise": each} for each in noises]}
+            for k, noises in enumerate(sites)
+        ]
+        return [note.split(":")[0].split(",")[0] for note in find_notes([], facts) if "oise of" in note]
+
+    assert tell([clean, clean], [clean, clean]) == []
+    assert tell([decides, clean], [decides, clean]) == [
+        "Noise of the render decides the result in 2 of 4 pairs under all Suns"
+    ]
+    assert tell([baked, unknown, clean]) == [
+        "Noise of baked light decides the result in 1 of 3 pairs under all Suns",
+        "The noise of baked light is unknown in 1 of 3 pairs under all Suns",
+    ]
