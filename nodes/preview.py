@@ -46,7 +46,7 @@ from .datablocks.marks import is_random_by_object
 from .datablocks.stored_json import read_stored
 from .ground.dug_ground import mesh_whole_ground
 from .ground.heights_under import probe_heights
-from .ground.rocks import build_rocks, find_rock_parts
+from .ground.rocks import build_rocks, find_rock_parts, move_rocks
 from .ground.terrain_mesh import MeshedGround, compute_vertex_spacing_m, mesh_coarsely
 from .ground.user_ground import is_from_file
 from .lander.objects import ROLES as LANDER_ROLES
@@ -249,16 +249,20 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts."""
+    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts. Shapes stay if they are
+    as before, because to build and to mark them takes longest."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove_objects([old] if old else [])
         return ("rock",)
+    shapes = _make_coarse_shapes(settings)
+    if old is not None and move_rocks(old, rocks, shapes, TAG):
+        return ("rock data",)
     ice = next((shape.data.materials[0] for shape in find_instanced_objects(old)), None) if old else None
     new = build_rocks(
         f"{scenes.NAME} Rock",
         rocks,
-        _make_coarse_shapes(settings),
+        shapes,
         ice or build_rock_material(settings, built.terrain.data),
         TAG,
     )
