@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
-from icymoon.nodes import preview
+from icymoon.nodes import built_scene, preview
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
 from icymoon.operators import build, live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs
@@ -378,6 +378,17 @@ def test_a_copy_of_the_blocks_stays_where_it_was(watched):
     built = change(watched, "terrain.rms_slope_deg", 20.0)
     assert np.array_equal(positions(copy), before)
     assert not np.array_equal(positions(blocks(built)), before)
+
+
+def test_an_update_of_the_ground_reads_marks_once_before_and_once_after_it(watched, monkeypatch):
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    read = []
+    for name in ("find_edited_parts", "update_marks"):
+        of = getattr(built_scene, name)
+        monkeypatch.setattr(built_scene, name, lambda *given, of=of: read.append(of.__name__) or of(*given))
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert read == ["find_edited_parts", "update_marks"]
+    assert not built.edited
 
 
 def test_a_preview_is_never_rendered(watched, tmp_path):
