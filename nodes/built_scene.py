@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -26,6 +28,7 @@ from .datablocks.fingerprint import (
     find_differing,
     find_edited_parts,
     is_stand_in,
+    is_wanted,
     list_own_nodes,
     read_marks,
     update_marks,
@@ -58,6 +61,15 @@ _SHAPE_SETTINGS = [
 
 
 @dataclass
+class _Update:
+    """What an update knows of marks: the edited parts by the names that were asked for, and the names of the parts that
+    the update has changed."""
+
+    edited: dict[str, set[str]]
+    changed: list[str]
+
+
+@dataclass
 class Built:
     """A built scene: its collection, its objects and the settings that it was built from."""
 
@@ -68,6 +80,7 @@ class Built:
     settings: Settings
     scene: bpy.types.Scene
     warnings: tuple[str, ...] = ()
+    _update: _Update | None = field(default=None, init=False, repr=False, compare=False)
 
     @property
     def ground(self) -> dict[str, Any]:
@@ -166,7 +179,26 @@ class Built:
 
         Raises IcyMoonError if edits cannot be detected.
         """
-        return find_edited_parts(self.collection, self._read_marks(), *wanted)
+        known = self._read_marks()
+        if self._update is None:
+            return find_edited_parts(self.collection, known, *wanted)
+        edited, changed = self._update.edited, tuple(self._update.changed)
+        if unread := [name for name in wanted if name not in edited]:
+            found = find_edited_parts(self.collection, known, *unread)
+            edited |= {name: {part for part in found if is_wanted(part, (name,))} for name in unread}
+        by_hand = set().union(*(edited[name] for name in wanted))
+        return {part for part in by_hand if not (changed and is_wanted(part, changed))}
+
+    @contextmanager
+    def reading_marks_once(self) -> Iterator[None]:
+        """A context for an update of the scene: marks of parts whose edits are asked for, by their names, are read only
+        the first time, and marks of changed parts only at the end."""
+        self._update = _Update({}, [])
+        try:
+            yield
+        finally:
+            changed, self._update = self._update.changed, None
+            self._store_marks(*changed)
 
     @property
     def sky(self) -> dict[str, Any]:
@@ -195,8 +227,15 @@ class Built:
         """Store the settings that the scene shows now, and new marks of the ``changed`` parts or roles."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        known = read_stored(self.collection, FINGERPRINT, MARKS_SHAPE)
-        self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
+        if self._update is None:
+            self._store_marks(*changed)
+        else:
+            self._update.changed += changed
+
+    def _store_marks(self, *changed: str) -> None:
+        if changed:
+            known = read_stored(self.collection, FINGERPRINT, MARKS_SHAPE)
+            self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 
 def list_collections(scene: bpy.types.Scene) -> list[bpy.types.Collection]:

@@ -46,7 +46,7 @@ from .datablocks.marks import is_random_by_object
 from .datablocks.stored_json import read_stored
 from .ground.dug_ground import mesh_whole_ground
 from .ground.heights_under import probe_heights
-from .ground.rocks import build_rocks, find_rock_parts
+from .ground.rocks import build_rocks, find_rock_parts, move_rocks
 from .ground.terrain_mesh import MeshedGround, compute_vertex_spacing_m, mesh_coarsely
 from .ground.user_ground import is_from_file
 from .lander.objects import ROLES as LANDER_ROLES
@@ -64,6 +64,7 @@ MOST_ROCKS = 1000
 MOST_MOVED_ROCKS = 500
 #: About the number of vertices of the whole ground that ``build_coarse`` makes in about a second.
 MOST_VERTICES = 100000
+_LIGHT_PARTS: tuple[str, ...] = ("sun object", "planetshine object")
 _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 _TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
 _UNDUG_MESSAGE = "Coarse ground without the trench: press Build Scene"
@@ -142,6 +143,11 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     Returns whether the ground was made again. Settings that cannot be shown raise no error: ``read_notes`` reports
     them.
     """
+    with built.reading_marks_once():
+        return _show_differences(built, settings, side)
+
+
+def _show_differences(built: scenes.Built, settings: Settings, side: int) -> bool:
     messages: list[str] = []
     before = merged(built.settings, built.preview)
     ground = None
@@ -185,7 +191,7 @@ def _show_sunlight(built: scenes.Built) -> None:
     """Update surfaces and lamps with each other's state, without losing the marks of the user's edits. The Sun's
     direction in surfaces does not count in their marks.
     """
-    parts: tuple[str, ...] = ("sun object", "planetshine object")
+    parts = _LIGHT_PARTS
     if not scenes.keeps_light_groups(built.collection):  # to read the marks of all rocks takes 50 ms
         parts += ("terrain object", "rock object")
     by_hand = built.edited_parts(*parts)
@@ -204,11 +210,12 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         raise IcyMoonError("Ground from a file has no live preview; press Build Scene to build it with its rocks.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
-    by_hand = {
-        part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object", "rock data")
-    }
+    parts = ("terrain object", "terrain data", "rock object", "rock data")
+    # Those of the lights and the camera are asked for later in the same update.
+    by_hand = built.edited_parts(*parts, *_LIGHT_PARTS, "camera").intersection(parts)
     if by_hand:
-        raise IcyMoonError(_EDITED_MESSAGE.format("ground" if "terrain" in by_hand else "field of rocks"))
+        is_ground = any(part.startswith("terrain") for part in by_hand)
+        raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
@@ -249,16 +256,20 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts."""
+    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts. Shapes stay if they are
+    as before, because to build and to mark them takes longest."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove_objects([old] if old else [])
         return ("rock",)
+    shapes = _make_coarse_shapes(settings)
+    if old is not None and move_rocks(old, rocks, shapes, TAG):
+        return ("rock data",)
     ice = next((shape.data.materials[0] for shape in find_instanced_objects(old)), None) if old else None
     new = build_rocks(
         f"{scenes.NAME} Rock",
         rocks,
-        _make_coarse_shapes(settings),
+        shapes,
         ice or build_rock_material(settings, built.terrain.data),
         TAG,
     )

@@ -80,7 +80,8 @@ def _list_surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | Non
     return own + (others[:1] if all(slots == others[0] for slots in others) else others)
 
 
-def _is_wanted(part: str, wanted: tuple[str, ...]) -> bool:
+def is_wanted(part: str, wanted: tuple[str, ...]) -> bool:
+    """Whether a part is among the wanted parts and roles, or any is wanted."""
     return part != MAKER and (not wanted or part in wanted or part.split()[0] in wanted)
 
 
@@ -108,30 +109,27 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     """
     ours, shown = find_built_objects(collection), _find_rendered_objects(collection)
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
-    surfaces = {role: _list_surfaces(item) for role, item in ours.items()}
+    every = {item: _list_surfaces(item) for item in collection.all_objects}
+    surfaces = {role: every[item] for role, item in ours.items()}
     listed = {material for each in surfaces.values() for slots in each for material in slots if material is not None}
     aimed = {
-        material.node_tree
-        for item in collection.all_objects
-        for slots in _list_surfaces(item)
-        for material in slots
-        if material is not None
+        material.node_tree for each in every.values() for slots in each for material in slots if material is not None
     }
     groups = {node.node_tree for node in list_own_nodes(listed)} - {None}
     roles |= dict.fromkeys(groups, OWN_GROUP)
     deep, flat = BlockHasher(roles, aimed), BlockHasher(roles | dict.fromkeys(listed, "listed"), aimed)
     found: dict[str, Any] = {}
     for role, item in ours.items():
-        if _is_wanted(f"{role} object", wanted):
+        if is_wanted(f"{role} object", wanted):
             found[f"{role} object"] = [item in shown, flat.content(item, ("data", "material_slots"))]
-        if _is_wanted(f"{role} data", wanted):
+        if is_wanted(f"{role} data", wanted):
             found[f"{role} data"] = flat.content(item.data, ("materials",)) if item.data else []
-        if _is_wanted(f"{role} materials", wanted):
+        if is_wanted(f"{role} materials", wanted):
             found[f"{role} materials"] = [
                 [[material and deep.mark(material) for material in slots] for slots in surfaces[role]],
                 [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"],
             ]
-    if _is_wanted("added", wanted):
+    if is_wanted("added", wanted):
         others = sorted(hash_marks([item in shown, deep.mark(item)]) for item in find_added_objects(collection))
         others += sorted(hash_marks(deep.content(group)) for group in groups if not is_stand_in(group))
         found |= {"added": others} if others else {}
@@ -154,7 +152,7 @@ def make_fingerprint(collection: bpy.types.Collection) -> str:
 
 def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
     """Names of the parts, all or the wanted parts and roles, whose marks differ from ``known``, without "added"."""
-    names = {part for part in now.keys() | known.keys() if _is_wanted(part, wanted)} - {"added"}
+    names = {part for part in now.keys() | known.keys() if is_wanted(part, wanted)} - {"added"}
     return {part for part in names if now.get(part) != known.get(part)}
 
 
@@ -164,6 +162,6 @@ def find_edited_parts(collection: bpy.types.Collection, known: Mapping[str, str]
 
 
 def update_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
-    """``known`` with present marks of the changed parts and roles."""
-    kept = {part: mark for part, mark in known.items() if not (changed and _is_wanted(part, changed))}
-    return kept | (read_marks(collection, *changed).parts if changed else {})
+    """``known`` with present marks of the changed parts and roles, at least one."""
+    kept = {part: mark for part, mark in known.items() if not is_wanted(part, changed)}
+    return kept | read_marks(collection, *changed).parts

@@ -19,7 +19,7 @@ from ...physics.rocks.rock_shapes import RockShape
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ..tree.builder import Tree
-from .terrain_mesh import build_mesh_from_arrays
+from .terrain_mesh import build_mesh_from_arrays, has_faces
 
 #: Angle between triangles of broken ice above which their edge is sharp, rad.
 _SHARP_ANGLE_RAD = math.radians(28.0)
@@ -115,8 +115,7 @@ def build_rocks(
     Labels of rocks follow their sizes, the largest first. Everything except the object itself gets the custom property
     ``tag``.
     """
-    number = rocks.level * len(shapes[0]) + rocks.shape
-    used, pick = np.unique(number, return_inverse=True)
+    used, pick = _number_shapes(rocks, shapes)
     library = bpy.data.collections.new(f"{name} Shapes")
     for item in build_shapes(name, shapes, used, material):
         item[tag] = "rock shape"
@@ -125,15 +124,58 @@ def build_rocks(
     library[tag] = group[tag] = "rock shapes"
 
     mesh = bpy.data.meshes.new(name)
+    _fill_points(mesh, rocks, pick)
+    item = bpy.data.objects.new(name, mesh)
+    item.modifiers.new("Blocks", "NODES").node_group = group
+    return item
+
+
+def _number_shapes(rocks: Rocks, shapes: Sequence[Sequence[RockShape]]) -> tuple[Array, Array]:
+    """The numbers of the shapes that rocks use, see ``build_shapes``, and the position in them of each rock's shape."""
+    used, pick = np.unique(rocks.level * len(shapes[0]) + rocks.shape, return_inverse=True)
+    return used, pick
+
+
+def _fill_points(mesh: bpy.types.Mesh, rocks: Rocks, pick: Array) -> None:
+    """Replace the points of a mesh by rocks."""
+    mesh.clear_geometry()
     mesh.vertices.add(len(pick))
     mesh.vertices.foreach_set("co", rocks.position_m.astype(np.float32).ravel())
     _set_attribute(mesh, INSTANCE_ATTRIBUTE, "FLOAT", FIRST_ROCK_INSTANCE + np.arange(len(pick)))
     _set_attribute(mesh, SHAPE, "INT", pick)
     _set_attribute(mesh, ROTATION, "FLOAT_VECTOR", rocks.rotation)
     _set_attribute(mesh, SCALE, "FLOAT_VECTOR", rocks.scale_m)
-    item = bpy.data.objects.new(name, mesh)
-    item.modifiers.new("Blocks", "NODES").node_group = group
-    return item
+    mesh.update()
+
+
+def move_rocks(item: bpy.types.Object, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], tag: str) -> bool:
+    """Replace the rocks of an object of ``build_rocks`` that nobody has edited, if it has the shapes of the new rocks
+    and shares its points with no copy. Returns whether it has; otherwise nothing is changed."""
+    used, pick = _number_shapes(rocks, shapes)
+    there = sorted(
+        (each for each in find_rock_parts(item, tag) if isinstance(each, bpy.types.Object)), key=lambda each: each.name
+    )
+    numbers = [divmod(number, len(shapes[0])) for number in used.tolist()]
+    if (
+        item.data.users > 1
+        or len(there) != len(numbers)
+        or not all(
+            _has_shape(each.data, shapes[level][shape]) for each, (level, shape) in zip(there, numbers, strict=True)
+        )
+    ):
+        return False
+    _fill_points(item.data, rocks, pick)
+    return True
+
+
+def _has_shape(mesh: bpy.types.Mesh, shape: RockShape) -> bool:
+    """Whether a mesh of ``build_shapes`` has this shape."""
+    if len(mesh.vertices) != len(shape.vertices) or not has_faces(mesh, shape.triangles):
+        return False
+    positions, faces = np.empty(shape.vertices.size, np.float32), np.empty(len(shape.face), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", positions)
+    mesh.attributes[FACE_ATTRIBUTE].data.foreach_get("value", faces)
+    return np.array_equal(positions, shape.vertices.astype(np.float32).ravel()) and np.array_equal(faces, shape.face)
 
 
 def find_rock_parts(item: bpy.types.Object, tag: str) -> list[Any]:

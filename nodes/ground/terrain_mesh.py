@@ -260,7 +260,7 @@ def _mark_sharp(mesh: bpy.types.Mesh, edges: Array) -> None:
 
 def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
     """Replace the geometry of a mesh, see ``build_mesh_from_arrays``. If only positions differ, faces are kept."""
-    if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)) and _has_faces(mesh, faces):
+    if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)) and has_faces(mesh, faces):
         mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
         mesh.update()
         return
@@ -276,7 +276,7 @@ def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
     mesh.shade_smooth()
 
 
-def _has_faces(mesh: bpy.types.Mesh, faces: Array) -> bool:
+def has_faces(mesh: bpy.types.Mesh, faces: Array) -> bool:
     """Whether a mesh has these faces (m, corners per face)."""
     if len(mesh.loops) != faces.size:
         return False

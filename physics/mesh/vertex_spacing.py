@@ -108,7 +108,7 @@ class VertexSpacing:
     def spacing_at(self, radius_m: Numbers) -> Array:
         """Vertex spacing in metres at distances from the site in metres."""
         distance = self.view.nearest_m(radius_m)
-        spacing = np.exp(np.interp(np.log(distance), np.log(self.nearest_m), np.log(self.spacing_m)))
+        spacing = np.exp(np.interp(np.log(distance), *self._logarithms))
         if self.relief is None:
             return spacing
         if self.relief.to_m <= self.view.height_m:  # fine relief is nowhere high enough to ask for it
@@ -116,6 +116,11 @@ class VertexSpacing:
         beyond = np.maximum(distance / self.relief.to_m, 1.0)
         widest = self.relief.uncut_px / self.view.pixels_per_radian * distance * beyond**_SPACING_EXPONENT
         return np.minimum(spacing, widest)
+
+    @functools.cached_property
+    def _logarithms(self) -> tuple[Array, Array]:
+        """Of the distances and of the spacings, since rings ask for spacings one by one."""
+        return np.log(self.nearest_m), np.log(self.spacing_m)
 
     @property
     def finest_m(self) -> float:

@@ -6,9 +6,11 @@ code does not use Blender: the ground is a function of position.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +52,30 @@ class Rocks:
     reach_m: Array
     smallest_m: float = 0.0
     beyond_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class _LooseRocks:
+    """``n`` rocks before they lie on a ground: ``places_m`` (n, 2), ``burial`` (n,), the buried share of the thickness,
+    ``rotation`` (n, 3, 3) on level ground, and the arrays of ``Rocks``."""
+
+    places_m: Array
+    diameter_m: Array
+    level: Array
+    shape: Array
+    scale_m: Array
+    burial: Array
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """The rocks on the patch and those beyond it, if there are any, in one part or two, with the numbers of
+    ``Rocks``."""
+
+    parts: tuple[_LooseRocks, ...]
+    smallest_m: float
+    beyond_rad: float
 
 
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
@@ -159,37 +185,55 @@ def scatter_rocks(
     largest from the centre of the circle, all is as it would be among all others, and the others are left out. Raises
     IcyMoonError if the settings contradict each other or the mask cannot be read.
     """
-    xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
-    level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
-    drawn = None
-    if beyond is not None and rocks.law != TABLE:
-        drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
-    parts = [(xy, diameter)] + ([(drawn.places_m, drawn.diameter_m)] if drawn else [])
-    kept = _list_kept(rocks, size_m, seed, [xy for xy, _ in parts])
-    seen, seen_beyond = _choose_seen(parts, kept, clear_m, most_seen)
-    made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m, seen)
-    made = replace(made, smallest_m=smallest)
-    if drawn is None:
-        return made
-    rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
-    level = np.searchsorted(LEVEL_RANKS, rank, side="right")
-    far = _lay_rocks(
-        rocks,
-        drawn.places_m,
-        drawn.diameter_m,
-        level,
-        make_generator(seed, "rocks", _BEYOND, _POSES),
-        surface,
-        shapes,
-        clear_m,
-        seen_beyond,
+    draw = _draw_rocks if most_seen is None or rocks.law == TABLE or is_masked(rocks) else _draw_few
+    drawn = draw(
+        tuple(rocks.items()), size_m, seed, tuple(shape.height for shape in shapes[0]), clear_m, beyond, most_seen
     )
+    laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
     arrays = {
-        f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)])
-        for f in fields(made)
+        f.name: np.concatenate([getattr(each, f.name) for each in laid])
+        for f in fields(Rocks)
         if f.name not in ("smallest_m", "beyond_rad")
     }
-    return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
+    return Rocks(**arrays, smallest_m=drawn.smallest_m, beyond_rad=drawn.beyond_rad)
+
+
+def _draw_rocks(
+    values: tuple[tuple[str, Any], ...],
+    size_m: float,
+    seed: int,
+    heights: tuple[float, ...],
+    clear_m: tuple[float, float, float],
+    beyond: ViewBeyond | None,
+    most_seen: int | None,
+) -> _Drawn:
+    """The rocks of ``scatter_rocks``, from the ``values`` of the settings and the ``heights`` of the shapes, before
+    they lie on a ground."""
+    rocks = RocksSettings.from_values(values)
+    xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
+    far = None
+    if beyond is not None and rocks.law != TABLE:
+        far = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
+    parts = [(xy, diameter)] + ([(far.places_m, far.diameter_m)] if far else [])
+    kept = _list_kept(rocks, size_m, seed, [xy for xy, _ in parts])
+    ranks = [np.arange(len(diameter))] + ([np.argsort(np.argsort(-far.angle_rad, kind="stable"))] if far else [])
+    loose = [
+        _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _POSES), heights, seen)
+        for part, rank, stream, seen in zip(
+            parts, ranks, ((), (_BEYOND,)), _choose_seen(parts, kept, clear_m, most_seen), strict=False
+        )
+    ]
+    # To ask for the ground under few rocks takes as long as under none, so that it is asked for only once.
+    together = loose if most_seen is None else [_join(loose)]
+    return _Drawn(tuple(together), smallest, far.smallest_rad if far else 0.0)
+
+
+def _join(parts: list[_LooseRocks]) -> _LooseRocks:
+    return _LooseRocks(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(_LooseRocks)))
+
+
+#: Draws the few rocks of a preview once for all the grounds that they lie on while a slider moves.
+_draw_few = functools.lru_cache(maxsize=1)(_draw_rocks)
 
 
 def is_masked(rocks: RocksSettings) -> bool:
@@ -246,38 +290,44 @@ def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
     return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
 
 
-def _lay_rocks(
+def _pose_rocks(
     rocks: RocksSettings,
     xy: Array,
     diameter: Array,
-    level: Array,
+    rank: Array,
     random: np.random.Generator,
-    surface: HeightAt,
-    shapes: Sequence[Sequence[RockShape]],
-    clear_m: tuple[float, float, float],
+    heights: tuple[float, ...],
     chosen: Array,
-) -> Rocks:
-    """The ``chosen`` (n,) rocks of given positions (n, 2), diameters and levels of detail, in poses at rest on the
-    ground. A rock's pose does not depend on which others are chosen."""
+) -> _LooseRocks:
+    """The ``chosen`` (n,) rocks of given positions (n, 2), diameters and ranks in size. A rock's pose does not depend
+    on which others are chosen."""
     n = len(diameter)
-    shape = random.integers(0, len(shapes[0]), n)
+    shape = random.integers(0, len(heights), n)
     elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
-    height = np.array([s.height for s in shapes[0]])[shape]
+    height = np.array(heights)[shape]
     height *= rocks.height_ratio * np.exp(random.normal(0, _VARIATION, n))
     scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
     tilts = random.normal(0, 1, n), random.normal(0, 1, n)
     turn = random.uniform(0, 2 * np.pi, n)
     burial = np.clip(rocks.burial + random.normal(0, _BURIAL_VARIATION, n) * (rocks.burial > 0), 0.0, 0.95)
-    xy, diameter, level, shape, scale, burial = (a[chosen] for a in (xy, diameter, level, shape, scale, burial))
     tilt = math.radians(rocks.tilt_deg)
-    loose = _rotation_about(0, tilts[0][chosen] * tilt) @ _rotation_about(1, tilts[1][chosen] * tilt)
-    loose = loose @ _rotation_about(2, turn[chosen])
+    rotation = _rotation_about(0, tilts[0][chosen] * tilt) @ _rotation_about(1, tilts[1][chosen] * tilt)
+    rotation = rotation @ _rotation_about(2, turn[chosen])
+    level = np.searchsorted(LEVEL_RANKS, rank, side="right")
+    arrays = [*(a[chosen] for a in (xy, diameter, level, shape, scale, burial)), rotation]
+    return _LooseRocks(*arrays)
 
-    normal, ground = _measure_footprint_ground(xy, 0.45 * diameter, surface)
-    rotation = _rotation_from_vertical(normal) @ loose
+
+def _lay_rocks(
+    loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]], clear_m: tuple[float, float, float]
+) -> Rocks:
+    """The rocks in poses at rest on the ground."""
+    xy, scale, level, shape = loose.places_m, loose.scale_m, loose.level, loose.shape
+    normal, ground = _measure_footprint_ground(xy, 0.45 * loose.diameter_m, surface)
+    rotation = _rotation_from_vertical(normal) @ loose.rotation
     deepest, thickness, reach = _measure_extent(rotation, scale, level, shape, normal, shapes)
     # Depth below the ground is measured along its normal, and the rock moves along the vertical.
-    sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
+    sunk = np.einsum("nk,nk->n", normal, deepest) + loose.burial * thickness
     z = ground - sunk / normal[:, 2]
     beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
     z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
@@ -289,7 +339,7 @@ def _lay_rocks(
         scale[kept],
         level[kept],
         shape[kept],
-        diameter[kept],
+        loose.diameter_m[kept],
         reach[kept],
     )
 

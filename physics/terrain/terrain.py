@@ -8,13 +8,15 @@ carry.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from ...settings.topics.ground import TerrainSettings
+from ...settings.topics.ground import HillsSettings, TerrainLayer, TerrainSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_ground_generator
@@ -141,7 +143,7 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     """
     ground = settings.terrain
     size, variant = float(ground.size_m), int(ground.variant)
-    layers = [make_layer(entry, make_ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
+    layers = [_make_layer(tuple(entry.items()), seed, variant, k) for k, entry in enumerate(ground.layers)]
     landforms = [
         make(settings[topic], make_ground_generator(seed, variant, 3, k), size)
         for k, (topic, make) in enumerate(MAKERS.items())
@@ -159,11 +161,26 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
         -math.tan(fall) * math.cos(azimuth),
         mantle.thickness_m,
         mantle.length_m,
-        hills=make_hills(settings.hills, make_ground_generator(seed, variant, 4), size),
+        hills=_make_hills(tuple(settings.hills.items()), seed, variant, size),
     )
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
     return made
+
+
+# The statistics of layers and hills take longer than the rest of a ground, and most sliders do not change them.
+
+
+@functools.lru_cache(maxsize=16)
+def _make_layer(values: tuple[tuple[str, Any], ...], seed: int, variant: int, number: int) -> NoiseLayer | None:
+    """The layer of an entry's ``values``, kept for the next ground."""
+    return make_layer(TerrainLayer.from_values(values), make_ground_generator(seed, variant, 2, number))
+
+
+@functools.lru_cache(maxsize=4)
+def _make_hills(values: tuple[tuple[str, Any], ...], seed: int, variant: int, size_m: float) -> Landform | None:
+    """The hills of the settings' ``values``, kept for the next ground."""
+    return make_hills(HillsSettings.from_values(values), make_ground_generator(seed, variant, 4), size_m)
 
 
 def _level_mantle(made: Terrain) -> Terrain:

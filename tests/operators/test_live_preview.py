@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
-from icymoon.nodes import preview
+from icymoon.nodes import built_scene, preview
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
 from icymoon.operators import build, live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs
@@ -329,6 +329,66 @@ def test_each_edited_part_says_so_and_stays(watched, edit, name, value, said):
     assert {part: mark for part, mark in state(built).items() if part in role} == before
     assert built.edited_parts() == role
     assert any(said in sentence for sentence in preview.read_notes(watched))
+
+
+def shapes_of(built: scenes.Built) -> list[bpy.types.Mesh]:
+    return [shape.data for shape in preview.find_instanced_objects(blocks(built))]
+
+
+def test_blocks_keep_their_shapes_while_the_ground_moves(watched, monkeypatch):
+    """To the last mark they are as if built anew."""
+    shapes = shapes_of(change(watched, "terrain.rms_slope_deg", 25.0))
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert shapes_of(built) == shapes
+    assert not built.edited
+    moved = state(built)
+    monkeypatch.setattr(preview, "move_rocks", lambda *_: False)
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert set(shapes_of(built)).isdisjoint(shapes)
+    assert state(built) == moved
+
+
+def test_other_shapes_of_blocks_replace_the_shapes(watched):
+    before = [positions_of(mesh) for mesh in shapes_of(change(watched, "terrain.rms_slope_deg", 25.0))]
+    after = [positions_of(mesh) for mesh in shapes_of(change(watched, "rocks.angularity", 0.1))]
+    assert not any(np.array_equal(a, b) for a in before for b in after)
+    assert not scenes.find_built(watched).edited
+
+
+def positions_of(mesh: bpy.types.Mesh) -> np.ndarray:
+    return np.array([vertex.co for vertex in mesh.vertices])
+
+
+def test_an_edited_shape_of_the_previewed_blocks_stays(watched):
+    built = change(watched, "terrain.rms_slope_deg", 25.0)
+    shapes_of(built)[0].vertices[0].co.z += 1.0
+    before = state(built)
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert state(built) == before
+    assert built.edited_parts() == {"rock object"}
+    assert any("field of rocks" in sentence for sentence in preview.read_notes(watched))
+
+
+def test_a_copy_of_the_blocks_stays_where_it_was(watched):
+    built = change(watched, "terrain.rms_slope_deg", 25.0)
+    copy = blocks(built).copy()  # as Duplicate Linked makes it
+    watched.collection.objects.link(copy)
+    before = positions(copy)
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert np.array_equal(positions(copy), before)
+    assert not np.array_equal(positions(blocks(built)), before)
+
+
+def test_an_update_of_the_ground_reads_marks_once_before_and_once_after_it(watched, monkeypatch):
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    read = []
+    for name in ("find_edited_parts", "update_marks"):
+        of = getattr(built_scene, name)
+        monkeypatch.setattr(built_scene, name, lambda *given, of=of: read.append(of.__name__) or of(*given))
+    built = change(watched, "terrain.rms_slope_deg", 20.0)
+    assert read == ["find_edited_parts", "update_marks"]
+    assert not built.edited
 
 
 def test_a_preview_is_never_rendered(watched, tmp_path):

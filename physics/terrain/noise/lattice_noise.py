@@ -31,6 +31,7 @@ _GRADIENTS_3D = np.array(
     + [(0, a, b) for a in (-1, 1) for b in (-1, 1)],
     np.float64,
 )
+_COLUMN_FACTOR, _ROW_FACTOR, _WORD = 0x9E3779B1, 0x85EBCA77, 0xFFFFFFFF
 #: Largest number of lattice corners per point for which a table is cheaper than hashing.
 _TABLE_PER_POINT = 2
 
@@ -46,8 +47,17 @@ def _mix_bits(h: Array) -> Array:
 
 def hash_lattice(ix: Array, iy: Array, key: int) -> Array:
     """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
-    h = (ix.astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (iy.astype(np.uint32) * np.uint32(0x85EBCA77))
-    h += np.uint32(key & 0xFFFFFFFF)
+    return _hash_scaled(_scale(ix, _COLUMN_FACTOR), _scale(iy, _ROW_FACTOR), key)
+
+
+def _scale(index: Array, factor: int) -> Array:
+    return index.astype(np.uint32) * np.uint32(factor)
+
+
+def _hash_scaled(column: Array, row: Array, key: int) -> Array:
+    """``hash_lattice`` of coordinates after ``_scale``."""
+    h: Array = column ^ row
+    h += np.uint32(key & _WORD)
     return _mix_bits(h)
 
 
@@ -107,17 +117,18 @@ class LatticeCells:
         """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
         return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
 
-    def lookup(self, *functions: Callable[[Array], Array]) -> Callable[[int, int], list[Array]]:
-        """``f(i, j)`` gives each function of the hash at the corner (i, j) from each point's cell."""
+    def lookup(self, function: Callable[[Array], tuple[Array, ...]]) -> Callable[[int, int], list[Array]]:
+        """``f(i, j)`` gives the arrays of a function of the hash at the corner (i, j) from each point's cell."""
         if self._index is None or self._hashes is None:
             ix, iy = self.squares(slice(None))
+            column, row = _scale(ix, _COLUMN_FACTOR), _scale(iy, _ROW_FACTOR)
 
             def hash_each(i: int, j: int) -> list[Array]:
-                h = hash_lattice(ix + i, iy + j, self._key)
-                return [f(h) for f in functions]
+                right, up = np.uint32(i * _COLUMN_FACTOR & _WORD), np.uint32(j * _ROW_FACTOR & _WORD)
+                return [*function(_hash_scaled(column + right, row + up, self._key))]
 
             return hash_each
-        index, tables = self._index, [f(self._hashes) for f in functions]
+        index, tables = self._index, function(self._hashes)
 
         def look_up(i: int, j: int) -> list[Array]:
             start = (j + self._reach) * self._width + i + self._reach
@@ -127,8 +138,13 @@ class LatticeCells:
         return look_up
 
 
-def _look_up_direction(components: Array) -> Callable[[Array], Array]:
-    return lambda h: components.take((h & np.uint32(_GRADIENT_DIRECTIONS - 1)).astype(np.intp))
+def _find_gradients(h: Array) -> tuple[Array, Array]:
+    direction = (h & np.uint32(_GRADIENT_DIRECTIONS - 1)).astype(np.intp)
+    return _GRADIENT_X.take(direction), _GRADIENT_Y.take(direction)
+
+
+def _find_value(h: Array) -> tuple[Array]:
+    return (to_uniform(h),)
 
 
 def gradient_noise(x: Array, y: Array, key: int) -> Array:
@@ -138,7 +154,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
     Continuous with continuous second derivatives, zero at lattice points.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    gradients = cells.lookup(_look_up_direction(_GRADIENT_X), _look_up_direction(_GRADIENT_Y))
+    gradients = cells.lookup(_find_gradients)
     u, v = quintic_fade(cells.dx), quintic_fade(cells.dy)
     right, above = cells.dx - 1.0, cells.dy - 1.0
 
@@ -161,7 +177,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
 def cell_noise(x: Array, y: Array, key: int) -> Array:
     """A random value in [-1, 1) for each unit square."""
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    (value,) = cells.lookup(to_uniform)(0, 0)
+    (value,) = cells.lookup(_find_value)(0, 0)
     value *= 2.0
     value -= 1.0
     return value
@@ -174,7 +190,7 @@ def value_noise(x: Array, y: Array, key: int) -> Array:
     displacement at points that the coarser octaves only interpolated.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    values = cells.lookup(to_uniform)
+    values = cells.lookup(_find_value)
     (a,), (b,), (c,), (d,) = values(0, 0), values(1, 0), values(0, 1), values(1, 1)
     low, high = a + cells.dx * (b - a), c + cells.dx * (d - c)
     return 2.0 * (low + cells.dy * (high - low)) - 1.0

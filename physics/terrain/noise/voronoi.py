@@ -22,12 +22,8 @@ _OUTER_SQUARES = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(
 _HALF_WORD = np.uint32(0xFFFF)
 
 
-def _point_x(h: Array) -> Array:
-    return (h & _HALF_WORD) * (1.0 / 65536)
-
-
-def _point_y(h: Array) -> Array:
-    return (h >> np.uint32(16)) * (1.0 / 65536)
+def _find_point(h: Array) -> tuple[Array, Array]:
+    return (h & _HALF_WORD) * (1.0 / 65536), (h >> np.uint32(16)) * (1.0 / 65536)
 
 
 @dataclass(frozen=True)
@@ -90,7 +86,7 @@ def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     """Distances F1 and F2 to the two nearest random points, as in ``find_voronoi_cells`` at half its cost."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
-    points = cells.lookup(_point_x, _point_y)
+    points = cells.lookup(_find_point)
     nearest = np.full((2, cells.dx.size), np.inf)
     first, second = nearest
 
@@ -112,7 +108,7 @@ def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     unsure, column, row = _find_unsure(cells, nearest)
     for i, j in _OUTER_SQUARES if unsure.size else ():
         h = hash_lattice(column + i, row + j, key)
-        distance = squared(i, j, [_point_x(h), _point_y(h)], unsure)
+        distance = squared(i, j, [*_find_point(h)], unsure)
         second[unsure] = np.minimum(second[unsure], np.maximum(first[unsure], distance))
         first[unsure] = np.minimum(first[unsure], distance)
     f1, f2 = np.sqrt(nearest)
@@ -123,7 +119,7 @@ def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
     """The nearest of the random points, one in each unit square, to positions in lattice units."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
-    points = cells.lookup(_point_x, _point_y)
+    points = cells.lookup(_find_point)
     n = cells.dx.size
     nearest = np.full((2, n), np.inf)  # squared distances
     x1, y1 = np.zeros(n), np.zeros(n)
@@ -150,7 +146,7 @@ def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
     unsure, column, row = _find_unsure(cells, nearest)
     for i, j in _OUTER_SQUARES if unsure.size else ():
         h = hash_lattice(column + i, row + j, key)
-        offer(i, j, _point_x(h), _point_y(h), unsure)
+        offer(i, j, *_find_point(h), unsure)
     f1, f2 = np.sqrt(nearest)
     column, row = cells.squares(slice(None))
     column, row = column + (owner % 5 - 2), row + (owner // 5 - 2)

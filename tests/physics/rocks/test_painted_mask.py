@@ -150,3 +150,9 @@ def test_only_the_content_of_a_mask_in_use_counts_in_the_id(tmp_path):
     assert make_pair_id(unused, hash_content(unused)) == make_pair_id(plain, hash_content(plain))
     soiled = merged(unused, {"surface": {"slope_dirt": 0.5, "frost_mask_file": str(two), "frost_share": 0.2}})
     assert list(find_used_files(soiled)) == ["surface.dirt_mask_file", "surface.frost_mask_file"]
+
+
+def test_a_repainted_mask_leaves_other_rocks_in_a_preview(tmp_path):
+    path = tmp_path / "mask.npy"
+    counts = [len(strewn(saved(path, values), most_seen=50).level) for values in ([[1.0]], [[0.0, 0.0]])]
+    assert counts == [50, 0]

@@ -405,14 +405,43 @@ def test_worn_boulders_have_no_faces():
     assert all(not shape.face.any() for kind in make_rock_shapes("BOULDERS", 0.5, 3) for shape in kind)
 
 
-@pytest.mark.parametrize("beyond", [None, ViewBeyond(0.02, 1.6, 1000.0)], ids=["patch", "beyond"])
-def test_rocks_that_look_largest_are_the_same_as_among_all(beyond):
-    """A preview leaves rocks out, but moves, turns and reshapes none."""
-    settings = described(clustering=0.5, smallest_m=0.2, largest_m=1.0)
-    shapes, site = make_rock_shapes("FRAGMENTS", 0.7, 1), (2.0, -1.0, 0.5)
-    every, some = (scatter_rocks(settings, 20.0, 3, rough, shapes, site, beyond, most) for most in (None, 50))
+RESTING = {"clustering": 0.5, "smallest_m": 0.2, "largest_m": 1.0}
+SEEN_FROM = (20.0, 3, rough, (2.0, -1.0, 0.5))  # side of the patch, seed, ground and clear circle
+
+
+def assert_same_as_among_all(rocks: dict, where: tuple, beyond: ViewBeyond | None) -> None:
+    """Of the rocks that look largest, all is as it is among all rocks, to the bit."""
+    settings, (size_m, seed, surface, site) = described(**rocks), where
+    shapes = make_rock_shapes(settings.family, 0.7, 1)
+    every, some = (scatter_rocks(settings, size_m, seed, surface, shapes, site, beyond, most) for most in (None, 50))
     looks = [rocks.diameter_m / np.hypot(*(rocks.position_m[:, :2] - site[:2]).T) for rocks in (every, some)]
     kept = looks[0] >= looks[1].min()
     assert 0 < len(looks[1]) <= 50 < len(looks[0])
     for key in ("position_m", "rotation", "scale_m", "level", "shape", "diameter_m", "reach_m"):
         np.testing.assert_array_equal(getattr(some, key), getattr(every, key)[kept], err_msg=key)
+    assert (some.smallest_m, some.beyond_rad) == (every.smallest_m, every.beyond_rad)
+
+
+@pytest.mark.parametrize("beyond", [None, ViewBeyond(0.02, 1.6, 1000.0)], ids=["patch", "beyond"])
+def test_rocks_that_look_largest_are_the_same_as_among_all(beyond):
+    """A preview leaves rocks out, but moves, turns and reshapes none."""
+    assert_same_as_among_all(RESTING, SEEN_FROM, beyond)
+
+
+@pytest.mark.parametrize(
+    ("rocks", "where", "beyond"),
+    [
+        ({}, (20.0, 3, level, (2.0, -1.0, 0.5)), None),
+        ({}, (20.0, 4, rough, (2.0, -1.0, 0.5)), None),
+        ({}, (18.0, 3, rough, (2.0, -1.0, 0.5)), None),
+        ({}, (20.0, 3, rough, (-4.0, 1.0, 0.5)), None),
+        ({"burial": 0.8}, SEEN_FROM, None),
+        ({"family": "MIXED"}, SEEN_FROM, None),
+        ({}, SEEN_FROM, ViewBeyond(0.02, 1.6, 1000.0)),
+    ],
+    ids=["ground", "seed", "side", "site", "burial", "shapes", "beyond"],
+)
+def test_rocks_of_an_earlier_preview_do_not_stay(rocks, where, beyond):
+    """A preview draws its rocks once for several grounds, but only for the same settings, seed and view."""
+    assert_same_as_among_all(RESTING, SEEN_FROM, None)
+    assert_same_as_among_all(RESTING | rocks, where, beyond)

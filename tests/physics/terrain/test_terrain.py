@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
+from icymoon.physics.terrain import terrain
 from icymoon.physics.terrain.fine_detail import relief_heights_m
 from icymoon.physics.terrain.landforms import MAKERS
+from icymoon.physics.terrain.roughness import roughness
 from icymoon.physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
@@ -289,3 +291,35 @@ def test_the_papers_terrains_get_rougher_from_low_to_very_high():
     classes.append([slope("very_high")])
     for gentler, rougher in pairwise(classes):
         assert max(gentler) < min(rougher)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"terrain": {"rms_slope_deg": 9.0}},
+        {"terrain": {"size_m": 8.0}},
+        {"terrain": {"variant": 1}},
+        {"terrain": {"lacunarity": 1.9}},
+        {"hills": {"rms_slope_deg": 5.0}},
+        {"hills": {"fractal": "CRESTS"}},
+        {"terrain": {"layers": [{"amplitude_m": 0.2}]}},
+        {"dataset": {"seed": 4}},
+    ],
+    ids=str,
+)
+def test_a_ground_made_after_another_is_as_if_made_first(changes):
+    """Layers, hills and octaves are kept from one ground to the next while a slider moves; to the bit they are those
+    of a new process."""
+    start = merged(defaults(), EVERYTHING, {"hills": {"rms_slope_deg": 10.0}})
+    x, y = np.random.default_rng(0).uniform(-40, 40, (2, 500))
+    kept = (terrain._make_layer, terrain._make_hills, roughness._sample_octave)
+
+    def heights(settings: Settings) -> Array:
+        return make_terrain(settings, int(settings.dataset.seed)).heights(x, y)
+
+    before, after = heights(start), heights(merged(start, check(changes, "test")))
+    assert all(each.cache_info().currsize for each in kept)
+    for each in kept:
+        each.cache_clear()
+    np.testing.assert_array_equal(after, heights(merged(start, check(changes, "test"))))
+    assert not np.array_equal(before, after)
