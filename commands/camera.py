@@ -242,7 +242,7 @@ def _read_alike(
     stated_in = "the translation is"
     taken: list[str] = []
     if reading is None and (stated != Stated() or not _is_read_as_it_is(kinds, paths, names)):
-        # What the files state otherwise is refused here.
+        # Files that contradict the options are refused here.
         reading = choose_cameras(read_calibration(paths, stated, kind), names)
     if kinds == {"cahv"} and _is_read_as_it_is(kinds, paths, names):
         first, second = _read_eye(paths[0], most_px), _read_eye(paths[1], most_px)

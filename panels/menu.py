@@ -130,7 +130,7 @@ class ICYMOON_MT_dataset(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
-        layout.operator("icymoon.decide", text="Decide on Several Suns").fuse_suns = True
+        layout.operator("icymoon.decide", text="Decide Where to Dig on Several Suns").fuse_suns = True
         layout.operator("icymoon.decide_by_rules", text="Decide by Own Rules…")
         layout.operator("icymoon.decide_with_guarantee", text="Decide with Guarantee…")
         layout.operator("icymoon.export_pairs", text="Export Pair or Data Set…")

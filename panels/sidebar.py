@@ -216,7 +216,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide", "Decide Where to Dig", "VIEWZOOM")
-        draw_start(column, "icymoon.decide", "Decide on Several Suns", "VIEWZOOM", fuse_suns=True)
+        draw_start(column, "icymoon.decide", "Decide Where to Dig on Several Suns", "VIEWZOOM", fuse_suns=True)
         draw_start(column, "icymoon.decide_by_rules", "Decide by Own Rules…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide_with_guarantee", "Decide with Guarantee…", "FILE_FOLDER")
         column.operator("icymoon.open_report", icon="URL")

@@ -34,7 +34,7 @@ MOST_LEVELS = 10
 def name_scene(facts: Mapping[str, Any]) -> str:
     """A name for the ground of a pair, from its facts; pairs that see the same ground have the same name.
 
-    A pair whose ground is not known has a name of its own.
+    A pair on unknown ground shares its name with no other pair.
     """
     ground = {
         f"{topic}.{key}": value

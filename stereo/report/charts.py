@@ -68,7 +68,7 @@ STYLE: dict[Any, Any] = {
     "text.parse_math": False,
     "text.usetex": False,
 }
-#: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
+#: Width of a separate chart in inches: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
 METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 #: The line of each measure of confidence; the page names them.
@@ -176,8 +176,8 @@ def _write_plain_numbers(along: Axis) -> None:
 def draw_charts(
     summary: Summary, table: ResultTable, laws: Mapping[str, Array], comparisons: Sequence[Mapping[str, Any]]
 ) -> dict[str, list[str]]:
-    """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
-    to draw. The methods have the colours and marks of ``list_method_keys``. ``laws``: see
+    """Draw all charts except the charts of settings that vary: the SVG texts by name of ``CHARTS``, where there is
+    something to draw. The methods have the colours and marks of ``list_method_keys``. ``laws``: see
     ``phase_curves.compute_phase_curves``, ``comparisons``: ``summary.compare_methods``."""
     with matplotlib.rc_context(STYLE):
         return {
@@ -202,7 +202,7 @@ def list_method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
 
 @contextmanager
 def add_panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
-    """Axes of a chart of its own, which is added to ``found``: a narrow page sets charts below each other."""
+    """Axes of a separate chart, which is added to ``found``: a narrow page sets charts below each other."""
     figure, ((axis,),) = make_figure(1, width=_PANEL_WIDTH, height=height)
     yield axis
     axis.set_title(title, loc="left")

@@ -30,7 +30,7 @@ _TOLD_OF_NOISE = {
     "truly_hidden": "pixels whose texture is weaker than what differs from the converged render around them",
     "distance": "root mean square difference of the light over its mean",
 }
-#: Colours of a chart that is a file of its own, and not part of a page.
+#: Colours of a chart in a separate file, and not in a page.
 _ON_WHITE = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), "#202428") | {
     "axes.edgecolor": "#909aa4",
     "grid.color": "#d8dde2",

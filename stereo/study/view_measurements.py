@@ -82,7 +82,7 @@ class Cell:
         return float(wrong / known) if known >= _LEAST_SHARE * tally[:, 0].sum() else float("nan")
 
 
-#: A light with less of the image than this has no error of its own.
+#: Least share of the image that a light needs for a separate error.
 _LEAST_SHARE = 0.05
 
 

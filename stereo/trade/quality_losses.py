@@ -282,7 +282,7 @@ def _find_true_disparity(reference: Reference) -> Array:
 
 
 def tally_errors(disparity: Array, true: Array) -> Array:
-    """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where there is none: the number of
+    """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where unknown: the number of
     true pixels, of measured ones among these, their disparity error in px, and the number wrong by more than 1 px."""
     known = np.isfinite(true)
     measured = known & is_usable(disparity)

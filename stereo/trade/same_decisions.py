@@ -131,8 +131,8 @@ def _compute_shares(total: Array) -> Array:
 
 
 def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) -> DecisionReference | str:
-    """The reference's decisions on the pair in ``folder``, from ``matched`` images; or a sentence on the reason why
-    there are none.
+    """The reference's decisions on the pair in ``folder``, from ``matched`` images; or a sentence on why they
+    are missing.
     """
     try:
         workspace = open_workspace(prepare_pair(folder, {}), rules)

@@ -76,7 +76,7 @@ class Rock:
 
     @cached_property
     def rim(self) -> Array:
-        """Vertices (n, 3) on the open edges; all vertices if there are none."""
+        """Vertices (n, 3) on the open edges; all vertices without open edges."""
         corners = open_corners(self.faces)
         return np.asarray(self.vertices[corners] if len(corners) else self.vertices)
 

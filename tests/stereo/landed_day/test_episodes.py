@@ -177,6 +177,7 @@ def test_files_of_another_program_stay(tmp_path, capsys, name):
     assert (tmp_path / name).read_text(encoding="utf-8") == "my diary"
 
 
+@pytest.mark.timeout(400)
 def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path):
     def start(out):
         words = [sys.executable, "-m", "icymoon.stereo", "days", "--out", str(out), "--days", "3", "--method", "bm"]
