@@ -87,7 +87,8 @@ def apply(calibration: Calibration, rows: Sequence[Row]) -> list[dict[str, Any]]
 
 def count_choices(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
     """For each method, of the rules alone: the numbers of ``grounds``, of those with a site (``acted``), and of
-    ``unsafe`` and ``dangerous`` choices, and the numbers of unsafe choices by the rule that ``fails`` first in truth.
+    ``unsafe`` and ``dangerous`` choices, and the numbers of unsafe choices by the rule that ``fails`` first in truth,
+    where rows state it.
     """
     found = {}
     for label in dict.fromkeys(row["method"] for row in rows):
@@ -98,7 +99,7 @@ def count_choices(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
             "acted": sum(each["chosen"] is not None for each in sites),
             "unsafe": sum(each["unsafe_choice"] == 1 for each in sites),
             "dangerous": sum(each["dangerous_choice"] == 1 for each in sites),
-            "fails": dict(Counter(each["fails"] for each in own if each["fails"])),
+            "fails": dict(Counter(each["fails"] for each in own if each.get("fails"))),
         }
     return found
 

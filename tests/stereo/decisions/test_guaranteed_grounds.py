@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 
 import numpy as np
 import pytest
@@ -72,16 +73,23 @@ def test_counts_are_those_of_grounds_by_hand():
     assert grounds.count_choices(new) == {"bm": counts}
 
 
-def test_decisions_on_rendered_grounds_are_read_and_the_last_row_of_a_pair_counts(tmp_path):
+def test_decisions_on_rendered_grounds_are_read_and_the_last_row_of_a_pair_counts(tmp_path, capsys):
     folders = {
         "calibrates": [make_row(k, 0.5, 0) for k in range(60)],
         "tests": [make_row(0, 0.5, 2), make_row(0, 0.4, 0)],
     }
     for name, rows in folders.items():
         (tmp_path / name).mkdir()
+        for row in rows:
+            del row["numbers"]["fails"]  # which only the rows of grounds by rays state
         (tmp_path / name / "decisions.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
-    found = study.list_rows(argparse.Namespace(decided=[tmp_path / name for name in folders]))
-    assert found == {grounds.CALIBRATION: folders["calibrates"], grounds.TEST: folders["tests"][1:]}
+    options = argparse.Namespace(decided=[tmp_path / name for name in folders], alpha=0.05, delta=0.05)
+    assert study.list_rows(options) == {
+        grounds.CALIBRATION: folders["calibrates"],
+        grounds.TEST: folders["tests"][1:],
+    }
+    study.main(options)
+    assert re.search(r"^bm +0\.00 +1\.00 \(.*\) +0 ", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_lost_cells_are_counted_without_those_of_unlike_grounds():
