@@ -84,12 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def read_decided(folder: Path) -> list[Row]:
-    """The rows of the decisions in a folder, the last one of each pair and method."""
-    found = {}
-    for line in (folder / "decisions.jsonl").read_text(encoding="utf-8").splitlines():
-        row = json.loads(line)
-        found[row["pair"], row["method"]] = row
-    return list(found.values())
+    """The rows of the decisions in a folder, as its report states them."""
+    rows: list[Row] = json.loads((folder / "decisions.json").read_text(encoding="utf-8"))["rows"]
+    return rows
 
 
 def make_workspace_of_ground(ground: Ground) -> Workspace:

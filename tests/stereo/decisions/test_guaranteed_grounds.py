@@ -73,20 +73,22 @@ def test_counts_are_those_of_grounds_by_hand():
     assert grounds.count_choices(new) == {"bm": counts}
 
 
-def test_decisions_on_rendered_grounds_are_read_and_the_last_row_of_a_pair_counts(tmp_path, capsys):
+def test_decisions_on_rendered_grounds_are_read_as_their_report_states_them(tmp_path, capsys):
     folders = {
         "calibrates": [make_row(k, 0.5, 0) for k in range(60)],
-        "tests": [make_row(0, 0.5, 2), make_row(0, 0.4, 0)],
+        "tests": [make_row(0, 0.4, 0)],
     }
     for name, rows in folders.items():
         (tmp_path / name).mkdir()
         for row in rows:
             del row["numbers"]["fails"]  # which only the rows of grounds by rays state
-        (tmp_path / name / "decisions.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+        old = make_row(99, 0.5, 2)  # of a pair that an earlier run decided on
+        (tmp_path / name / "decisions.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in (old, *rows)))
+        (tmp_path / name / "decisions.json").write_text(json.dumps({"rows": rows}))
     options = argparse.Namespace(decided=[tmp_path / name for name in folders], alpha=0.05, delta=0.05)
     assert study.list_rows(options) == {
         grounds.CALIBRATION: folders["calibrates"],
-        grounds.TEST: folders["tests"][1:],
+        grounds.TEST: folders["tests"],
     }
     study.main(options)
     assert re.search(r"^bm +0\.00 +1\.00 \(.*\) +0 ", capsys.readouterr().out, re.MULTILINE)
