@@ -36,6 +36,7 @@ from ..stereo.ground_errors import (
 )
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
+from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .built_scene import Built
@@ -409,15 +410,9 @@ def _link_rocks(collection: bpy.types.Collection, rocks: tuple[Array, Array, Ver
     item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
     material[TAG] = item[TAG] = ROLE
     item.hide_render = True
-    hide_from_rays(item)
+    # In a 3D View Cycles ignores it: the unlit colours are black beside sunlit ice, and the copies hide the rocks.
+    compat.hide_from_rays(item)
     collection.objects.link(item)
-
-
-def hide_from_rays(item: bpy.types.Object) -> None:
-    """Leave an object out of a 3D View that Cycles renders, which ignores ``hide_render``: at the exposure of sunlit
-    ice the unlit colours of errors are black, and the copies hide the rocks."""
-    item.visible_camera = item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
-    item.visible_volume_scatter = item.visible_shadow = False
 
 
 def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, colours: Array) -> None:

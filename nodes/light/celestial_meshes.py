@@ -110,8 +110,7 @@ def _build_far_mesh(
     if len(vertices) and (vertices[:, 2] + slope * np.hypot(vertices[:, 0], vertices[:, 1])).min() < 0:
         _cut_below_horizon(mesh, slope)
     item = bpy.data.objects.new(name, mesh)
-    item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
-    item.visible_volume_scatter = item.visible_shadow = False
+    compat.hide_from_rays(item, from_camera=False)
     return item
 
 

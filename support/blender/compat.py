@@ -72,6 +72,13 @@ def list_library_folders() -> tuple[Path, ...]:
     return tuple(installed / name for name in ("lib", "blender.shared"))
 
 
+def hide_from_rays(item: bpy.types.Object, from_camera: bool = True) -> None:
+    """Hide an object from all rays of Cycles, or all but the camera's. 5.2 adds the rays of the node *Raycast*."""
+    for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow", "raycast", "camera"):
+        if hasattr(item, f"visible_{kind}") and (from_camera or kind != "camera"):
+            setattr(item, f"visible_{kind}", False)
+
+
 def ensure_nodes(data_block: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
     """The node tree of a new material or world, made here if this Blender does not make it."""
     if data_block.node_tree is None:
