@@ -548,7 +548,7 @@ def open_all_panels() -> Waiting:
         fields += person.over_setting("", of="terrain")
     yield from screenshot("panels_0")
     check(fields, "dragging over the headers left the topmost panel closed")
-    yield from click_first_header()
+    yield from open_first_panel()
     for part in range(1, 20):
         yield from away()
         yield from screenshot(f"panels_{part}")
@@ -586,6 +586,15 @@ def click_first_header() -> Waiting:
     yield from to(*(yield from person.find_headers(most=1))[0])
     xdotool("click", 1)
     yield 10 * TICK_S
+
+
+def open_first_panel() -> Waiting:
+    """Open the first panel if it is closed: the next header is then right below its own."""
+    yield from to_top_of_sidebar()
+    yield from scroll(-400)
+    headers = yield from person.find_headers(most=2)
+    if len(headers) == 2 and headers[0][1] - headers[1][1] < 2 * person.BUTTON_PX:
+        yield from click_first_header()
 
 
 def to_top_of_sidebar() -> Waiting:
