@@ -56,6 +56,7 @@ PYTEST = (
     "--dist",
     "worksteal",
     "--ignore=tests/stereo/networks/test_networks.py",
+    *(f"--ignore=tests/stereo/learning/test_{what}.py" for what in ("sample_stream", "train", "trainable")),
 )
 #: What knows Blender; the rest has been tested in this Python, in the main environment.
 WITH_BLENDER = (
@@ -81,7 +82,7 @@ def checkout_on_path() -> str:
 
 def needs() -> list[str]:
     """What the tests need beside Blender."""
-    return [need for need in requirements("evaluate", "develop") if not need.startswith(("ruff", "mypy"))]
+    return [need for need in requirements("evaluate", "onnx", "develop") if not need.startswith(("ruff", "mypy"))]
 
 
 def finished(name: str, command: list[str], timeout_s: float, environment: dict[str, str]) -> str:

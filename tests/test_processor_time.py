@@ -85,7 +85,7 @@ def session(folder, listed, *options, most=9.0, together=9.0):
     for name, text in texts.items():
         (folder / name).write_text(text)
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n  heavy\npythonpath = .\n")
-    path = os.pathsep.join(str(each) for each in (folder, LIST.parent / "support"))
+    path = os.pathsep.join([str(folder), str(LIST.parent / "support"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "limits", "-p", "no:cacheprovider", *options],
         cwd=folder,

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -152,7 +153,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr(pair_claims.time, "monotonic", lambda: clock.now)
     touched = threading.Event()
-    monkeypatch.setattr(pair_claims.os, "utime", lambda path: touched.set())
+    monkeypatch.setattr(pair_claims.os, "utime", lambda path: Path(path).is_relative_to(tmp_path) and touched.set())
     mine = Claims(tmp_path)
     mine.take(PAIR)
     assert touched.wait(30)

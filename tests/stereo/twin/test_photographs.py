@@ -33,6 +33,12 @@ def pinholes(shift_px: float = 0.0) -> CalibratedRig:
     ))  # fmt: skip
 
 
+def stated_pose():
+    """Rotation (3, 3) and translation (3, 1) of the right camera: OpenCV 5 takes columns only."""
+    rotation, translation = UNLIKE.relative_pose()
+    return rotation, translation[:, None]
+
+
 def image(path, size=SIZE):
     values = np.random.default_rng(3).integers(0, 256, size[::-1]).astype(np.uint8)
     write_png(path, values)
@@ -41,11 +47,8 @@ def image(path, size=SIZE):
 
 def test_the_pixels_are_those_of_opencv():
     found = make_rectification(UNLIKE, RIG, "a.yml")
-    rotation, translation = UNLIKE.relative_pose()
-    turns = cv2.stereoRectify(
-        LEFT.matrix, np.array(BENT[0].coefficients), RIGHT.matrix, np.array(BENT[1].coefficients), SIZE,
-        rotation, translation,
-    )[:2]  # fmt: skip
+    bends = [np.array(lens.coefficients) for lens in BENT]
+    turns = cv2.stereoRectify(LEFT.matrix, bends[0], RIGHT.matrix, bends[1], SIZE, *stated_pose())[:2]
     wanted = np.array(RIG.matrix)
     wanted[:2, 2] -= 0.5
     for eye, camera, lens, turn in zip(("left", "right"), UNLIKE.cameras, BENT, turns, strict=True):
@@ -88,8 +91,7 @@ def test_depths_are_turned_into_the_axis_of_the_rig(tmp_path):
     directions = LEFT.unproject(at)
     points = directions * (distance / (directions @ normal))[..., None]
     # The rig's axis is the third row of the rotation that OpenCV gives for the left eye.
-    rotation, translation = UNLIKE.relative_pose()
-    turn = cv2.stereoRectify(LEFT.matrix, np.zeros(5), RIGHT.matrix, np.zeros(5), SIZE, rotation, translation)[0]
+    turn = cv2.stereoRectify(LEFT.matrix, np.zeros(5), RIGHT.matrix, np.zeros(5), SIZE, *stated_pose())[0]
     wanted = RIG.disparity(points @ turn[2])
     inside = found.seen["left"]
     assert np.isnan(disparity[~inside]).all()
