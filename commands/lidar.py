@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..formats.lidar_file import read_lidar
+from ..physics.lidar.digitiser import SAMPLE_COUNTS, make_digitiser
 from ..physics.lidar.instrument import make_pose
 from ..physics.lidar.scene_light import find_scene_media
 from ..render.pairs.dataset_file_names import check_no_link
@@ -58,15 +59,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--returns", choices=("ALL", "FIRST", "STRONGEST", "LAST"), help="returns of a beam, in place of the scanner's"
     )
+    _add_sensing_options(parser)
+    for kind, words in _FORMATS.items():
+        parser.add_argument(f"--{kind}", action="store_true", help=f"write the points as {words} too")
+    add_blender_option(parser)
+    parser.set_defaults(run=_run_lidar)
+
+
+def _add_sensing_options(parser: argparse.ArgumentParser) -> None:
+    """Add what happens to light in ice and in the detector."""
     add_list(parser, "--without", "EFFECT", f"leave an effect out: {', '.join(EFFECTS)}; may repeat", choices=EFFECTS)
     parser.add_argument("--grain-um", type=float, help="radius of the grains of snow, in place of the surfaces'")
     parser.add_argument("--density", type=float, help="density of snow in kg/m³, in place of the excavation's")
     parser.add_argument("--seed", type=int, help="seed of the detector's noise, in place of the scene's")
     parser.add_argument("--scan", type=int, default=0, help="number of the scan, which changes the noise (%(default)s)")
-    for kind, words in _FORMATS.items():
-        parser.add_argument(f"--{kind}", action="store_true", help=f"write the points as {words} too")
-    add_blender_option(parser)
-    parser.set_defaults(run=_run_lidar)
+    parser.add_argument(
+        "--waveforms",
+        type=int,
+        choices=SAMPLE_COUNTS,
+        help="samples of what the detector receives, a packet for each pulse with a return, in lidar.wdp; LAS and LAZ "
+        "refer to it",
+    )
 
 
 def find_lidar(name: str) -> Path:
@@ -81,6 +94,8 @@ def _run_lidar(options: argparse.Namespace) -> int:
     file = find_lidar(options.lidar).absolute()
     request = _make_request(options)
     lidar = request.change(read_lidar(file))
+    if request.waveforms is not None:
+        make_digitiser(lidar.detector, lidar.instrument, request.waveforms)
     kinds = [kind for kind in _FORMATS if getattr(options, kind)]
     for reason in filter(None, map(check_format, kinds)):
         raise IcyMoonError(reason)
@@ -125,6 +140,7 @@ def _make_request(options: argparse.Namespace) -> ScanRequest:
         options.density,
         options.seed,
         options.scan,
+        options.waveforms,
     )
 
 

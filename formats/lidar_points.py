@@ -14,6 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from ..physics.lidar.digitiser import Waves
 from ..physics.lidar.measured_returns import Alarms
 from ..physics.lidar.returns import Returns
 from ..physics.lidar.scan_patterns import ScanPattern
@@ -21,6 +22,7 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically
 from ..support.foreign_bytes import explain_errors
+from .wave_packets import count_packet_bytes
 
 #: Rows that are processed together.
 ROWS_AT_ONCE = 2**16
@@ -28,26 +30,32 @@ ROWS_AT_ONCE = 2**16
 _COPIED_AT_ONCE = 2**22
 #: Bytes of a return with detector and ice on the disk while its file is written: its arrays, and their copy.
 _BYTES_A_RETURN = 2 * 220
+#: The same of its place among the waveforms.
+_BYTES_A_WAVE = 2 * 17
 _FIX = "scan the scene again"
 #: End of the names of arrays with three columns.
 _POINTS = "point_m"
 
 
-def check_room(folder: Path, beams: int) -> None:
-    """Raise IcyMoonError if the disk of a folder, which need not exist, has no room for a return of each beam."""
+def check_room(folder: Path, beams: int, samples: int = 0) -> None:
+    """Raise IcyMoonError if the disk of a folder, which need not exist, has no room for a return of each beam, and a
+    packet of ``samples`` of its waveform."""
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
     with explain_disk_errors("write to", there):
         free = shutil.disk_usage(there).free
-    if (needed := _BYTES_A_RETURN * beams) > free:
+    each = _BYTES_A_RETURN + (_BYTES_A_WAVE + count_packet_bytes(samples) if samples else 0)
+    if (needed := each * beams) > free:
+        fewer = "fewer samples of --waveforms, or fewer rows and columns" if samples else "fewer rows and columns"
         raise IcyMoonError(
             f"{folder} has {free / 1e6:.0f} MB free, and a scan of {beams:.3g} beams may need {needed / 1e6:.0f} MB "
-            "while it is written; free some space, choose another folder, or give fewer rows and columns."
+            f"while it is written; free some space, choose another folder, or give {fewer}."
         )
 
 
 class ReturnWriter:
     """Writes returns as npz, batch by batch: the fields of ``Returns``, arrays beside them, ``row``, ``column`` and
-    ``time_s`` of each return's beam, and of false alarms ``false_beam``, ``false_range_m`` and ``false_point_m``.
+    ``time_s`` of each return's beam, and of false alarms ``false_beam``, ``false_range_m`` and ``false_point_m``; with
+    waveforms the fields of ``Waves`` of both.
 
     Arrays grow in nameless files on the same disk, since their lengths come before them in the file; so it takes twice
     the room of the file for a moment.
@@ -58,14 +66,22 @@ class ReturnWriter:
         self._parts: dict[str, tuple[IO[bytes], np.dtype[Any], tuple[int, ...]]] = {}
         self._rows: dict[str, int] = {}
 
-    def add(self, returns: Returns, beside: dict[str, Array], alarms: Alarms | None = None) -> None:
-        """Append returns (k,), arrays (k,) beside them, and false alarms (None: of a scan without a detector). Raises
-        IcyMoonError if the disk refuses."""
+    def add(
+        self,
+        returns: Returns,
+        beside: dict[str, Array],
+        alarms: Alarms | None = None,
+        waves: tuple[Waves, Waves] | None = None,
+    ) -> None:
+        """Append returns (k,), arrays (k,) beside them, false alarms (None: of a scan without a detector), and where
+        the waveforms of both are. Raises IcyMoonError if the disk refuses."""
         row, column, time_s = find_cells(returns.beam, self._pattern)
         arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)} | beside
         arrays |= {"row": row, "column": column, "time_s": time_s}
         if alarms is not None:
             arrays |= {f"false_{field.name}": getattr(alarms, field.name) for field in fields(Alarms)}
+        if waves is not None:
+            arrays |= vars(waves[0]) | {f"false_{name}": values for name, values in vars(waves[1]).items()}
         with explain_disk_errors("write to", self._folder):
             for name, values in arrays.items():
                 if name not in self._parts:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..physics.lidar.backscatter import AlbedoMap, Backscatter
 from ..physics.lidar.beam import SubRays, make_sub_rays, spread_beams
+from ..physics.lidar.digitiser import Digitiser, Packets, Recorder
 from ..physics.lidar.instrument import Instrument, SensorPose
 from ..physics.lidar.measured_returns import Alarms, Measurement, Sensing, select_measured
 from ..physics.lidar.returns import Echoes, Returns, find_returns, join_returns, select_returns
@@ -27,13 +28,14 @@ _LEAST_RANGE_M = 1e-6
 class ScannedBeams:
     """Returns of some consecutive beams as the instrument reports them, arrays (k,) beside them by their names, and
     the false alarms in these beams (None without a detector); ``beams`` and ``empty`` are the number of beams and of
-    those without a return."""
+    those without a return, ``packets`` the waveforms (None: not asked for)."""
 
     returns: Returns
     beside: dict[str, Array]
     alarms: Alarms | None
     beams: int
     empty: int
+    packets: Packets | None = None
 
 
 def scan(
@@ -56,11 +58,14 @@ def scan_and_measure(
     laws: Mapping[int, Backscatter],
     sensing: Sensing,
     albedo: AlbedoMap | None = None,
+    digitiser: Digitiser | None = None,
 ) -> Iterator[ScannedBeams]:
     """As ``scan``, with the delay of light in ice and what the detector measures beside the returns. Without ice and
-    detector the returns are those of ``scan``. ``albedo`` makes the reflectance differ from place to place. Raises
-    IcyMoonError as ``scan``, and for a detector that does not fit."""
+    detector the returns are those of ``scan``. ``albedo`` makes the reflectance differ from place to place;
+    ``digitiser`` records waveforms of a detector. Raises IcyMoonError as ``scan``, and for a detector that does not
+    fit."""
     measurement = Measurement(instrument, sensing)
+    recorder = None if digitiser is None else Recorder(digitiser, measurement)
     for first, end, found in _trace_batches(world, tracer, instrument, pose, laws, albedo):
         empty = end - first - len(np.unique(found.beam))
         if sensing.detector is None:
@@ -71,8 +76,9 @@ def scan_and_measure(
         direction = instrument.pattern.make_beams(first, end).direction[beam - first] @ pose.rotation.T
         alarms = Alarms(beam, range_m, pose.position_m + direction * range_m[:, None])
         indices = select_measured(found, measured, instrument.reported)
+        packets = None if recorder is None else recorder.record(found, indices, beam, range_m, first, end)
         chosen, measured = found.take(indices), measured.take(indices)
-        yield ScannedBeams(chosen, measurement.delay(chosen) | vars(measured), alarms, end - first, empty)
+        yield ScannedBeams(chosen, measurement.delay(chosen) | vars(measured), alarms, end - first, empty, packets)
 
 
 def _trace_batches(

@@ -2,13 +2,14 @@
 
     __main__.py scan JOB.json FOLDER LIDAR.toml REQUEST
 
-The job is a job of ``worker``. For each of its pairs, the folder of its id gets ``lidar.npz`` and ``lidar.json``.
-REQUEST is JSON, see ``workers.lidar_request``.
+The job is a job of ``worker``. For each of its pairs, the folder of its id gets ``lidar.npz`` and ``lidar.json``,
+and with waveforms ``lidar.wdp``. REQUEST is JSON, see ``workers.lidar_request``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,15 +19,19 @@ import numpy as np
 
 from ..formats.lidar_file import LidarFile, read_lidar
 from ..formats.lidar_points import ReturnWriter, check_room
+from ..formats.wave_packets import FILE_NAME as WAVEFORMS
+from ..formats.wave_packets import PacketWriter
 from ..nodes.built_scene import Built
 from ..nodes.rig import find_eye_poses
 from ..nodes.surface.sun_inputs import Sun
 from ..physics.camera.rotations import quaternion
 from ..physics.lidar.backscatter import AlbedoMap, Backscatter, find_clean_albedos, has_patches, tabulate_scene
+from ..physics.lidar.digitiser import Digitiser, make_digitiser
 from ..physics.lidar.instrument import SensorPose, make_pose, mount_on_rig
 from ..physics.lidar.light_in_ice import Medium
 from ..physics.lidar.measured_returns import Sensing
 from ..physics.lidar.noise_streams import Effects
+from ..physics.lidar.scan_patterns import ScanPattern
 from ..physics.lidar.scene_light import find_scene_media, find_sunlight_1_s
 from ..physics.light.sunlight import BANDS_M
 from ..rays.enclosure import find_enclosure
@@ -36,9 +41,11 @@ from ..support.errors import IcyMoonError
 from ..support.files import write_json
 from ..support.labels import ROCK, TERRAIN
 from ..support.printer import emit
+from ..support.system import remove
 from .geometry_worker import lower_quality
 from .ground_files import make_frame_facts
 from .ground_maps import find_extent, make_materials
+from .pairs.dataset_file_names import is_regular_file
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
 from .workers.job_commands import read_job
@@ -52,7 +59,7 @@ def run_job(
 ) -> None:
     """Scan the scene of each pair of a job. Raises IcyMoonError for errors that a user can fix."""
     pairs, lidar = list_job_pairs(job), asked.change(lidar)
-    check_room(folder, lidar.instrument.pattern.count)
+    check_room(folder, lidar.instrument.pattern.count, asked.waveforms or 0)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Scan {k + 1} of {len(pairs)}")
@@ -94,12 +101,35 @@ def _scan_scene(
     _refuse_enclosed(stage, pose)
     laws = tabulate_scene(built.settings)
     sensing, words = _find_sensing(built, lidar, asked, laws)
-    scanned = scan_and_measure(stage.ground, stage.ground_tracer, lidar.instrument, pose, laws, sensing, albedo)
-    with ReturnWriter(folder, lidar.instrument.pattern) as writer:
-        counts = _write_batches(writer, scanned, lambda beams: report(beams / lidar.instrument.pattern.count))
-        writer.finish(folder / "lidar.npz")
+    digitiser = make_digitiser(lidar.detector, lidar.instrument, asked.waveforms) if asked.waveforms else None
+    scanned = scan_and_measure(
+        stage.ground, stage.ground_tracer, lidar.instrument, pose, laws, sensing, albedo, digitiser
+    )
+    counts = _write_scan(folder, scanned, lidar.instrument.pattern, digitiser, report)
     facts = _describe_scan(lidar, pose) | counts | words | {"albedo": _describe_albedo(built, albedo)}
     write_json(folder / "lidar.json", facts | {"site": make_frame_facts(built.settings, built.ground)})
+
+
+def _write_scan(
+    folder: Path,
+    scanned: Iterable[ScannedBeams],
+    pattern: ScanPattern,
+    digitiser: Digitiser | None,
+    report: Callable[[float], object],
+) -> dict[str, Any]:
+    """Write the returns of a scan, and its waveforms if there is a digitiser; the counts of both."""
+    with ExitStack() as stack:
+        writer = stack.enter_context(ReturnWriter(folder, pattern))
+        packets = None if digitiser is None else stack.enter_context(PacketWriter(folder, digitiser))
+        counts: dict[str, Any] = dict(
+            _write_batches(writer, packets, scanned, lambda beams: report(beams / pattern.count))
+        )
+        writer.finish(folder / "lidar.npz")
+        if packets is None:
+            if is_regular_file(folder / WAVEFORMS):
+                remove(folder / WAVEFORMS)
+            return counts
+        return counts | {"waveforms": packets.finish()}
 
 
 def _describe_albedo(built: Built, albedo: AlbedoMap | None) -> str:
@@ -150,12 +180,18 @@ def describe_detector(detector: Any) -> dict[str, Any]:
 
 
 def _write_batches(
-    writer: ReturnWriter, scanned: Iterable[ScannedBeams], report: Callable[[int], object]
+    writer: ReturnWriter,
+    packets: PacketWriter | None,
+    scanned: Iterable[ScannedBeams],
+    report: Callable[[int], object],
 ) -> dict[str, int]:
     """Write a scan, and return its counts; ``report`` is told the number of beams so far."""
     counts = dict.fromkeys(("beams", "beams_without_return", "returns"), 0)
     for each in scanned:
-        writer.add(each.returns, each.beside, each.alarms)
+        made = each.packets
+        writer.add(each.returns, each.beside, each.alarms, None if made is None else (made.returns, made.alarms))
+        if packets is not None and made is not None:
+            packets.add(made.samples, made.gain)
         counts["beams"] += each.beams
         counts["beams_without_return"] += each.empty
         counts["returns"] += len(each.returns)

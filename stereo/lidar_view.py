@@ -6,7 +6,7 @@ Imports no Blender.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,8 @@ def read_shown_points(
 
 
 def _refuse_shape(folder: Path, part: ScanPoints) -> None:
-    known = part.point_m.ndim == 2 and all(len(getattr(part, name.name)) == len(part) for name in fields(part))
+    arrays = [value for name, value in vars(part).items() if name != "waves"]
+    known = part.point_m.ndim == 2 and all(len(values) == len(part) for values in arrays)
     if not known or not np.isfinite(part.point_m).all():
         raise IcyMoonError(f"{folder / 'lidar.npz'} has points without a place; scan the scene again.")
 

@@ -116,6 +116,25 @@ class DelayTable:
         """Time (k,) as range in metres, from the centre of a hard surface's pulse, by the share of light before it."""
         return np.asarray(np.interp(share, _SHARES, _find_quantiles(self._hard)))
 
+    def find_power(self, range_m: Array, beyond_m: Array, stretch: Array) -> Array:
+        """Power (k, s) in 1/m, as range, of pulses of unit light from surfaces at ranges (k,), at places (k, s) beyond
+        them in metres. A pulse that a slope makes ``stretch`` (k,) times longer is stretched about its peak."""
+        longer = stretch[:, None]
+        if self._medium.transport_m == 0.0:
+            scale = self.deviation_m * longer
+            return np.asarray(np.exp(-((beyond_m / scale) ** 2) / 2.0) / (scale * math.sqrt(2.0 * math.pi)))
+        peak = self.find(range_m).peak_m[:, None]
+        at = (beyond_m - peak) / longer + peak
+        cells = self._waves[0].range_m
+        place = np.broadcast_to(self._locate(range_m)[:, None], at.shape)
+        power = _interpolate(place.ravel(), self._powers, cells, at.ravel()).reshape(at.shape)
+        return np.asarray(np.where((at >= cells[0]) & (at <= cells[-1]), power, 0.0) / longer)
+
+    @cached_property
+    def _powers(self) -> Array:
+        """Power (nodes, cells) of the waveforms in 1/m."""
+        return np.array([wave.power for wave in self._waves])
+
     def _locate(self, range_m: Array) -> Array:
         """Places (k,) in the table's ranges."""
         if len(self._ranges_m) == 1:

@@ -136,6 +136,21 @@ class Sensing:
     gate_m: float = 1.0
 
 
+@dataclass(frozen=True)
+class Pulses:
+    """Returns (k,) as an analog receiver has them: the electrons ``whole`` of all their light, and ``light`` of a pulse
+    of their height; the standard deviation of the pulse in s; noise at the peak in electrons, the normal variates
+    (2, k) of amplitude and jitter, the noisy ``amplitude``, and the delay of the centroid in ice in metres."""
+
+    whole: Array
+    light: Array
+    deviation_s: Array
+    noise: Array
+    drawn: Array
+    amplitude: Array
+    centroid_m: Array
+
+
 class Measurement:
     """Measures the returns of one scan, batch by batch, with the same numbers whatever the batches are."""
 
@@ -181,7 +196,8 @@ class Measurement:
         return made
 
     @cached_property
-    def _analog(self) -> Detector:
+    def detector(self) -> Detector:
+        """The detector of an analog receiver, in electrons of a pulse."""
         assert isinstance(self.sensing.detector, AnalogReceiver)
         return self.sensing.detector.make_detector(self.instrument)
 
@@ -194,12 +210,17 @@ class Measurement:
         dark = receiver.find_dark_electrons(self.instrument) if effects.dark_counts else 0.0
         return self.sensing.sunlight_1_s * receiver.apd.efficiency * length_s + dark
 
-    def _compare(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
-        """Measure by a threshold."""
-        own, effects, detector = self.sensing, self.sensing.effects, self._analog
+    @property
+    def steady_noise(self) -> float:
+        """Noise of an analog receiver without a return, in electrons of a pulse."""
+        return float(find_noise(self.detector, np.asarray(self.background_electrons), self.sensing.effects))
+
+    def expect_pulses(self, found: Returns, first: int, end: int) -> Pulses:
+        """What an analog receiver has of all returns (k,) of the beams from number ``first`` to before ``end``."""
+        own, effects, detector = self.sensing, self.sensing.effects, self.detector
         receiver = own.detector
         assert isinstance(receiver, AnalogReceiver)
-        base = float(find_noise(detector, np.asarray(self.background_electrons), effects))
+        base = self.steady_noise
         deviation_s = np.hypot(detector.deviation_s, found.spread_m * _S_PER_M)
         _, _, centroid, _, height = self._delays(found)
         whole = receiver.apd.efficiency * self.instrument.count_photons(found.energy_j)
@@ -207,12 +228,18 @@ class Measurement:
         light = whole * height * detector.deviation_s / deviation_s
         noise = np.sqrt(base**2 + detector.excess_noise * light * effects.shot_noise)
         drawn = draw_return_normals(found.beam, found.order, first, end, own.seed, own.scan)
-        amplitude = light + noise * drawn[0]
+        return Pulses(whole, light, deviation_s, noise, drawn, light + noise * drawn[0], centroid)
+
+    def _compare(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
+        """Measure by a threshold."""
+        effects, detector, receiver = self.sensing.effects, self.detector, self.sensing.detector
+        assert isinstance(receiver, AnalogReceiver)
+        base, pulses = self.steady_noise, self.expect_pulses(found, first, end)
+        amplitude = pulses.amplitude
         seen = (amplitude >= detector.threshold_electrons) & (found.range_m <= detector.gate_m[1])
-        error = time_return(
-            detector, light, amplitude, noise, drawn[1] if effects.jitter else 0.0, effects, deviation_s
-        )
-        delay = self._delay_edges(found, amplitude) if detector.timing == "EDGE" else centroid
+        drawn = pulses.drawn[1] if effects.jitter else 0.0
+        error = time_return(detector, pulses.light, amplitude, pulses.noise, drawn, effects, pulses.deviation_s)
+        delay = self._delay_edges(found, amplitude) if detector.timing == "EDGE" else pulses.centroid_m
         range_m = np.where(seen, found.range_m + delay + LIGHT_M_S / 2.0 * error, np.nan)
         shown = np.where(seen, np.clip(amplitude, 0.0, detector.saturation if effects.saturation else math.inf), 0.0)
         if receiver.corrects_walk and effects.walk and detector.timing == "EDGE":
@@ -228,7 +255,7 @@ class Measurement:
         if not self.sensing.effects.walk:
             return self._delays(found)[0]
         delay = np.zeros(len(found))
-        over = amplitude / self._analog.threshold_electrons
+        over = amplitude / self.detector.threshold_electrons
         for table, own in self._by_medium(found):
             delay[own] = table.find_edge(found.range_m[own], over[own])
         return delay

@@ -11,7 +11,8 @@ from ..random_numbers.seeds import make_generator
 
 #: Child of the seed stream "lidar" of each effect, after the number of the scan; never renumbered.
 AMPLITUDE, JITTER, ALARMS, WAVEFORM, ARRIVALS, RETURNS, GATES = range(7)
-#: Returns of a beam that have random numbers of their own; a later return has those of an earlier one.
+#: Returns of a beam, and packets of its waveform, that have random numbers of their own; a later one has those of an
+#: earlier one.
 _SLOTS = 4
 
 
@@ -41,6 +42,22 @@ def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: i
     drawn = random.random((end - first, _SLOTS, 2))[beam - first, (order.astype(np.int64) - 1) % _SLOTS]
     radius, turn = np.sqrt(-2.0 * np.log1p(-drawn[:, 0])), 2.0 * np.pi * drawn[:, 1]
     return np.stack([radius * np.cos(turn), radius * np.sin(turn)])
+
+
+def draw_sample_normals(
+    beam: Array, slot: Array, first: int, end: int, samples: int, seed: int, scan: int = 0
+) -> Array:
+    """Normal variates (p, samples) for packets of waveforms of the beams from number ``first`` to before ``end``, by
+    the number (p,) of the beam and ``slot`` (p,) of the packet in it; an even number of samples."""
+    drawn = np.zeros((len(beam), samples))
+    for one in np.unique(slot % _SLOTS).tolist():
+        random = make_generator(seed, "lidar", scan, WAVEFORM, one)
+        _skip(random, first * samples)
+        own = np.flatnonzero(slot % _SLOTS == one)
+        even = random.random((end - first, samples))[beam[own] - first]
+        radius, turn = np.sqrt(-2.0 * np.log1p(-even[:, ::2])), 2.0 * np.pi * even[:, 1::2]
+        drawn[own, ::2], drawn[own, 1::2] = radius * np.cos(turn), radius * np.sin(turn)
+    return drawn
 
 
 def draw_beam_waits(first: int, end: int, seed: int, scan: int = 0) -> Array:

@@ -34,7 +34,7 @@ _NAMES_BY_FOLDER = {
 #: Names of the files in a pair's folder.
 _PAIR_FILES = re.compile(
     rf"pair\.json({_PART_SUFFIX})?|(left|right)(_truth|_toed_truth|_raw_truth)?\.exr|workspace(_materials)?\.npy|"
-    rf"lidar\.(npz|json|ply|las|laz)({_PART_SUFFIX})?|{PATTERN}"
+    rf"lidar\.(npz|json|wdp|ply|las|laz)({_PART_SUFFIX})?|{PATTERN}"
 )
 
 

@@ -21,7 +21,7 @@ class ScanRequest:
     """What a scan is asked for: a pose x, y, z in metres and a quaternion w, x, y, z (empty: at the left eye); rows,
     columns, rays and returns in place of the scanner's; effects to leave out, see ``EFFECTS``; grain radius in metres
     and density in kg/m³ of snow in place of the scene's; seed of the detector (None: the scene's) and number of the
-    scan."""
+    scan; samples of a packet of waveforms (None: no waveforms)."""
 
     pose: tuple[float, ...] = ()
     rows: int | None = None
@@ -33,6 +33,7 @@ class ScanRequest:
     density_kg_m3: float | None = None
     seed: int | None = None
     scan: int = 0
+    waveforms: int | None = None
 
     def to_json(self) -> str:
         """The request as a word of a command line."""

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ import numpy as np
 from ...formats.lidar_points import find_cells, read_returns
 from ...formats.map_frame import MapFrame, map_frame_from_json
 from ...formats.ply import write_cloud_parts
+from ...formats.wave_packets import FACTS_SHAPE, HEADER_BYTES, check_packets, count_packet_bytes
 from ...physics.camera.rotations import quaternion
+from ...physics.lidar.digitiser import Waves
 from ...physics.lidar.scan_patterns import PatternKind, ScanPattern
 from ...physics.light.photons import LIGHT_M_S, PLANCK_J_S
 from ...render.pairs.dataset_file_names import is_regular_file
@@ -44,6 +47,7 @@ _FACTS_SHAPE = {
     "beams_without_return": COUNT,
     "lost_returns": Maybe(COUNT),
     "false_alarms": Maybe(COUNT),
+    "waveforms": Maybe(FACTS_SHAPE),
 }
 _RETURN_NAMES = (
     "beam",
@@ -61,18 +65,25 @@ _RETURN_NAMES = (
 #: Arrays of scans with a detector or ice.
 _SENSED_NAMES = ("measured_range_m", "measured_electrons", "ice_edge_m")
 _ALARM_NAMES = ("false_beam", "false_range_m", "false_point_m")
+#: Arrays of scans with waveforms.
+_WAVE_NAMES = tuple(each.name for each in fields(Waves))
 #: Step of LAS coordinates in metres; 32 bits of them reach 214 km.
 _LAS_STEP_M = 1e-4
 #: Most points of a message, about 40 MB.
 _POINTS_A_MESSAGE = 10**6
 _NS_PER_S = 1_000_000_000
+#: Picoseconds of light there and back for a metre of range.
+_PS_PER_M = 2e12 / LIGHT_M_S
+#: Record number of the first Waveform Packet Descriptor of LAS.
+_FIRST_DESCRIPTOR = 100
 
 
 @dataclass(frozen=True)
 class ScanPoints:
     """Points (k,) of a scan: ``point_m`` (k, 3) in the site's axes, measured range, its error (NaN of a false alarm),
     the light that came back in J and as a number of electrons or photons, return number and number of returns, label
-    and instance, row of the beam, time in s after the scan began, and the delay in ice in metres."""
+    and instance, row of the beam, time in s after the scan began, and the delay in ice in metres. ``waves`` are their
+    places in the waveforms of a scan that has them."""
 
     point_m: Array
     range_m: Array
@@ -86,6 +97,7 @@ class ScanPoints:
     row: Array
     time_s: Array
     ice_m: Array
+    waves: Waves | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -109,8 +121,9 @@ def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
     IcyMoonError if the file of the scan is damaged."""
     path, position = folder / "lidar.npz", np.array(facts["position_m"])
     photons_1_j = facts["wavelength_nm"] * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
-    for part in read_returns(path, (*_RETURN_NAMES, *_SENSED_NAMES)):
-        _refuse_missing(path, part, _RETURN_NAMES)
+    waves = _WAVE_NAMES if facts.get("waveforms") else ()
+    for part in read_returns(path, (*_RETURN_NAMES, *_SENSED_NAMES, *waves)):
+        _refuse_missing(path, part, (*_RETURN_NAMES, *waves))
         range_m = part.get("measured_range_m", part["range_m"])
         kept = np.isfinite(range_m)
         with np.errstate(invalid="ignore"):
@@ -129,15 +142,32 @@ def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
             part["row"][kept],
             part["time_s"][kept],
             part.get("ice_edge_m", np.zeros(len(kept)))[kept],
+            waves=_find_waves(part, facts, kept),
         )
-    for part in read_returns(path, _ALARM_NAMES):
-        _refuse_missing(path, part, _ALARM_NAMES)
+    names = (*_ALARM_NAMES, *(f"false_{name}" for name in waves))
+    for part in read_returns(path, names):
+        _refuse_missing(path, part, names)
         yield _make_alarm_points(part, facts)
 
 
 def _refuse_missing(path: Path, part: Mapping[str, Array], names: Collection[str]) -> None:
     if missing := [name for name in names if name not in part]:
         raise IcyMoonError(f"{path} lacks {missing[0]}; {_FIX}.")
+
+
+def _find_waves(
+    part: Mapping[str, Array], facts: Mapping[str, Any], kept: Array | slice, start: str = ""
+) -> Waves | None:
+    """Where the waveforms of the kept points are, from the arrays whose names begin with ``start``. Raises IcyMoonError
+    for places that the waveforms lack."""
+    stated = facts.get("waveforms")
+    if not stated:
+        return None
+    waves = Waves(*(part[start + name][kept] for name in _WAVE_NAMES))
+    for values, most in ((waves.packet, stated["packets"]), (waves.packet_gain, stated["gains"])):
+        if not ((values >= 0) & (values < most)).all():
+            raise IcyMoonError(f"lidar.npz has points beyond the waveforms that lidar.json states; {_FIX}.")
+    return waves
 
 
 def _make_alarm_points(part: Mapping[str, Array], facts: Mapping[str, Any]) -> ScanPoints:
@@ -160,6 +190,7 @@ def _make_alarm_points(part: Mapping[str, Array], facts: Mapping[str, Any]) -> S
         row,
         time_s,
         none,
+        waves=_find_waves(part, facts, slice(None), "false_"),
     )
 
 
@@ -218,12 +249,35 @@ def _write_ply(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
-    """LAS 1.4 with points of format 6; the file's ending decides whether it is packed."""
+    """LAS 1.4 with points of format 6, or 9 with waveforms; the file's ending decides whether it is packed."""
     import laspy
 
+    waveforms = facts.get("waveforms")
+    frame = map_frame_from_json(facts.get("site"))
+    header = _make_header(laspy, facts, frame)
+    if waveforms:
+        check_packets(folder, waveforms)
+        header.global_encoding.waveform_data_packets_external = True
+        header.vlrs.extend(_describe_packets(waveforms))
+    position_m = np.array(facts["position_m"])
+
+    def write(part_path: Path) -> None:
+        packed = path.suffix == ".laz"
+        with part_path.open("wb") as stream, laspy.LasWriter(stream, header, packed, closefd=False) as out:
+            for part in read_points(folder, facts):
+                if len(part):
+                    record = _make_records(laspy, header, part, _to_map(part.point_m, frame))
+                    if waveforms:
+                        _set_waves(record, part, waveforms, frame, position_m)
+                    out.write_points(record)
+
+    write_atomically(path, write)
+
+
+def _make_header(laspy: Any, facts: Mapping[str, Any], frame: MapFrame | None) -> Any:
+    """The header of a LAS file: its record, coordinates, extra dimensions and place on a map."""
     site = facts.get("site")
-    frame = map_frame_from_json(site)
-    header = laspy.LasHeader(point_format=6, version="1.4")
+    header = laspy.LasHeader(point_format=9 if facts.get("waveforms") else 6, version="1.4")
     header.generating_software = "Icy Moon"
     header.global_encoding.wkt = True  # LAS 1.4 demands it of records from 6 on, with or without a WKT
     header.system_identifier = str(facts.get("title", ""))[:31].encode("ascii", "replace").decode()
@@ -237,15 +291,44 @@ def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
     if frame is not None and site is not None:
         text = json.dumps(site["map"]).encode()
         header.vlrs.append(laspy.VLR("icymoon", 1, "place of the site on a map", text[:65535]))
+    return header
 
-    def write(part_path: Path) -> None:
-        packed = path.suffix == ".laz"
-        with part_path.open("wb") as stream, laspy.LasWriter(stream, header, packed, closefd=False) as out:
-            for part in read_points(folder, facts):
-                if len(part):
-                    out.write_points(_make_records(laspy, header, part, _to_map(part.point_m, frame)))
 
-    write_atomically(path, write)
+def _describe_packets(waveforms: Mapping[str, Any]) -> list[Any]:
+    """The Waveform Packet Descriptors of LAS, one for each gain. What LAS calls volts are electrons in an interval."""
+    from laspy.vlrs.known import WaveformPacketStruct, WaveformPacketVlr
+
+    found = []
+    for gain in range(waveforms["gains"]):
+        step = math.ldexp(waveforms["step_electrons"], gain)
+        vlr = WaveformPacketVlr(_FIRST_DESCRIPTOR + gain, "electrons in an interval")
+        vlr.parsed_record = WaveformPacketStruct(
+            waveforms["bits"], 0, waveforms["samples"], waveforms["spacing_ps"], step, -waveforms["zero"] * step
+        )
+        found.append(vlr)
+    return found
+
+
+def _set_waves(
+    record: Any,
+    part: ScanPoints,
+    waveforms: Mapping[str, Any],
+    frame: MapFrame | None,
+    position_m: Array,
+) -> None:
+    """Set the wave packets of points. By LAS 1.4 R15 the sample at the time t after the first one, in ps, lies at
+    P + (L - t) (dx, dy, dz): P is the point, and L its own time. So dx, dy and dz lead back to the sensor."""
+    waves, size = part.waves, count_packet_bytes(waveforms["samples"])
+    assert waves is not None
+    record.wavepacket_index = waves.packet_gain + np.uint8(1)
+    record.wavepacket_offset = HEADER_BYTES + waves.packet.astype(np.uint64) * np.uint64(size)
+    record.wavepacket_size = np.full(len(part), size, np.uint32)
+    time_ps = part.range_m * _PS_PER_M - waves.packet_start * float(waveforms["spacing_ps"])
+    record.return_point_wave_location = time_ps
+    back = position_m - part.point_m
+    back /= np.linalg.norm(back, axis=1, keepdims=True)
+    step = (_to_map(part.point_m + back, frame) - _to_map(part.point_m, frame)) / _PS_PER_M
+    record.x_t, record.y_t, record.z_t = step.T
 
 
 def _to_map(point_m: Array, frame: MapFrame | None) -> Array:

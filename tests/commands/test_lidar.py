@@ -24,6 +24,8 @@ from icymoon.settings.user_files import hash_content
         (["--grain-um", "0"], "grain radius is 0 m"),
         (["--grain-um", "100", "--density", "2000"], "density of snow is 2000"),
         (["--seed", "-1"], "--seed is -1"),
+        (["--lidar", "elsa", "--waveforms", "64"], "counts single photons, so it has no waveform"),
+        (["--without", "detector", "--waveforms", "64"], "leave --without detector out, or leave --waveforms out"),
         (["no_pair"], "no_pair"),
         (["no_pair", "--preset", "enceladus_block_field"], "A pair has its own settings"),
     ],

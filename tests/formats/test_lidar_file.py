@@ -256,4 +256,12 @@ def test_a_scan_that_does_not_fit_on_the_disk_is_refused_before_it_begins(tmp_pa
         else:
             with pytest.raises(IcyMoonError, match=r"a scan of 1e\+03 beams may need .* fewer rows and columns"):
                 lidar_points.check_room(tmp_path / "not" / "there", 1000)
+    # A packet of 64 samples, and its three arrays with their copies: 162 bytes more for each beam.
+    for free, fits in ((needed + 165_000, True), (needed + 145_000, False)):
+        monkeypatch.setattr(lidar_points.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
+        if fits:
+            lidar_points.check_room(tmp_path, 1000, 64)
+        else:
+            with pytest.raises(IcyMoonError, match="fewer samples of --waveforms, or fewer rows and columns"):
+                lidar_points.check_room(tmp_path, 1000, 64)
     assert not (tmp_path / "not").exists()

@@ -9,6 +9,7 @@ import pytest
 from icymoon.physics.camera.rotations import from_vector
 from icymoon.physics.lidar.apd import Apd
 from icymoon.physics.lidar.backscatter import Backscatter, tabulate_backscatter
+from icymoon.physics.lidar.digitiser import make_digitiser
 from icymoon.physics.lidar.instrument import Instrument, SensorPose, make_pose
 from icymoon.physics.lidar.light_in_ice import make_snow
 from icymoon.physics.lidar.measured_returns import AnalogReceiver, Sensing
@@ -193,6 +194,8 @@ def test_a_scan_is_measured_beside_its_returns():
     assert (bare.beside, bare.alarms, bare.beams, bare.empty) == ({}, None, 20, 20 - len(whole))
     sensing = Sensing({1: make_snow(1e-3, 500.0, 532.0)}, AnalogReceiver(Apd(), threshold=2.0))
     (late,) = scan_and_measure(world, tracer, instrument, HOME, LAMBERT, sensing)
+    digitiser = make_digitiser(AnalogReceiver(Apd(), threshold=2.0), instrument, 64)
+    (heard,) = scan_and_measure(world, tracer, instrument, HOME, LAMBERT, sensing, digitiser=digitiser)
     tracer.close()
     assert np.array_equal(late.returns.range_m, whole.range_m)
     # The threshold of a strong return is at the foot of its edge, where less of the delay is.
@@ -203,6 +206,14 @@ def test_a_scan_is_measured_beside_its_returns():
     axis = pattern.make_beams().direction[late.alarms.beam]
     assert len(axis)
     assert late.alarms.point_m == pytest.approx(axis * late.alarms.range_m[:, None])
+    # Waveforms change nothing else.
+    assert late.packets is None
+    assert all(np.array_equal(late.beside[name], values, equal_nan=True) for name, values in heard.beside.items())
+    assert heard.alarms is not None
+    assert np.array_equal(late.alarms.range_m, heard.alarms.range_m)
+    assert heard.packets is not None
+    assert heard.packets.returns.packet.shape == (len(whole),)
+    assert heard.packets.alarms.packet.shape == late.alarms.beam.shape
 
 
 @pytest.mark.long

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from icymoon.formats.lidar_file import change_lidar, read_lidar
 from icymoon.formats.ply import read_properties
+from icymoon.physics.lidar.digitiser import Packets, Waves, make_digitiser
 from icymoon.physics.lidar.instrument import SensorPose
+from icymoon.physics.lidar.measured_returns import Alarms
+from icymoon.physics.lidar.returns import NO_RETURNS, Returns
 from icymoon.rays.embree import load_library
+from icymoon.rays.lidar import ScannedBeams
 from icymoon.rays.shapes import Placed, World
 from icymoon.render import geometry_worker, lidar_worker
 from icymoon.render.workers.lidar_request import ScanRequest
@@ -19,6 +24,30 @@ from ray_worlds import by_hand, shape
 from rendering import SMALL
 
 JOB = {"settings": {**SMALL, "terrain": {"resolution": 33, "size_m": 8.0, "rms_slope_deg": 8.0}}}
+
+
+def test_a_scan_without_waveforms_removes_those_of_an_earlier_one(tmp_path):
+    lidar = read_lidar(LIDARS / "livox_hap.toml")
+    digitiser = make_digitiser(lidar.detector, lidar.instrument, 64)
+    samples, gain = np.full((1, 64), 4096, np.uint16), np.zeros(1, np.uint8)
+    place = Waves(np.zeros(1, np.int64), gain, np.zeros(1, np.int64))
+    none = Waves(*(values[:0] for values in vars(place).values()))
+    no_alarms = Alarms(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)))
+    one = Returns(**{name: np.zeros((1, *value.shape[1:]), value.dtype) for name, value in vars(NO_RETURNS).items()})
+    beside = {"measured_range_m": np.ones(1)}
+    scanned = ScannedBeams(one, beside, no_alarms, 1, 0, Packets(samples, gain, place, none))
+    pattern = lidar.instrument.pattern
+    told: list[float] = []
+    counts = lidar_worker._write_scan(tmp_path, [scanned], pattern, digitiser, told.append)
+    assert counts["waveforms"]["packets"] == counts["returns"] == 1
+    assert told == [1 / pattern.count]
+    assert (tmp_path / "lidar.wdp").stat().st_size == 60 + 128
+    with np.load(tmp_path / "lidar.npz") as stored:
+        assert stored["packet"].tolist() == [0]
+        assert stored["false_packet_start"].shape == (0,)
+    bare = replace(scanned, packets=None)
+    assert "waveforms" not in lidar_worker._write_scan(tmp_path, [bare], pattern, None, told.append)
+    assert [path.name for path in tmp_path.iterdir()] == ["lidar.npz"]
 
 
 @pytest.mark.long

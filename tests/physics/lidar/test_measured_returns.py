@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import pytest
 from icymoon.physics.lidar import spad
 from icymoon.physics.lidar.apd import Apd, false_alarm_rate_hz
 from icymoon.physics.lidar.ice_delay import DelayTable
-from icymoon.physics.lidar.instrument import Instrument
 from icymoon.physics.lidar.light_in_ice import (
     Medium,
     Receiver,
@@ -28,40 +27,13 @@ from icymoon.physics.lidar.measured_returns import (
 )
 from icymoon.physics.lidar.noise_streams import IDEAL, Effects
 from icymoon.physics.lidar.returns import NO_RETURNS, Returns
-from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.physics.light.photons import LIGHT_M_S
 from icymoon.support.errors import IcyMoonError
+from lidar_returns import ICE, PULSE_S, instrument, returns
 
-PULSE_S = 1e-9
 SIGMA_M = PULSE_S / 2.3548200450309493 * LIGHT_M_S / 2
-#: Labels of a hard surface, and of one that is ice.
-HARD, ICE = 1, 2
 SNOW = make_snow(1e-3, 500.0, 532.0)
 ANALOG = AnalogReceiver(Apd(), resolution_m=0.0)
-
-
-def instrument(beams: int = 40, **values: Any) -> Instrument:
-    given: dict[str, Any] = {"wavelength_m": 532e-9, "farthest_m": 100.0, "pulse_fwhm_s": PULSE_S, **values}
-    return Instrument(ScanPattern("FLASH", 1, beams, 10, 10), 1e-6, (1e-3, 1e-3), 0.02, **given)
-
-
-def returns(photons: Any, range_m: Any = 10.0, label: int = HARD, beam: Any = None, order: Any = 1) -> Returns:
-    """Returns with expected numbers of photons at 532 nm, one for each beam."""
-    photons, range_m = np.broadcast_arrays(np.atleast_1d(photons).astype(float), np.asarray(range_m, float))
-    count = len(photons)
-    made = {
-        name: np.zeros((count, *getattr(NO_RETURNS, name).shape[1:]), getattr(NO_RETURNS, name).dtype)
-        for name in (field.name for field in fields(Returns))
-    }
-    made |= {
-        "beam": np.arange(count) if beam is None else np.asarray(beam),
-        "order": np.broadcast_to(np.asarray(order, np.uint8), count),
-        "range_m": range_m,
-        "true_range_m": range_m,
-        "energy_j": photons / instrument().count_photons(np.ones(1)),
-        "label": np.full(count, label, np.uint8),
-    }
-    return Returns(**made)
 
 
 def measure(found: Returns, sensing: Sensing, beams: int | None = None, **values: Any) -> Any:

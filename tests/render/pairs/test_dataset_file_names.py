@@ -211,6 +211,7 @@ def test_what_is_ours_goes(dataset):
         "._left.exr",
         "lidar.npz",
         "lidar.json",
+        "lidar.wdp",
         make_part_path(Path("lidar.las")).name,
         "Thumbs.db",
         make_part_path(Path("pair.json")).name,
@@ -313,6 +314,8 @@ REMOVES = {
     "stereo/export/training.py": "its own part of a shard that was not finished",
     "stereo/export/whole_folders.py": "its own part of a pair that was not finished",
     "stereo/trade/cheapest_quality.py": "what it writes again",
+    "formats/wave_packets.py": "its own part",
+    "render/lidar_worker.py": "the waveforms of an earlier scan, whose returns it has just replaced",
 }
 
 
