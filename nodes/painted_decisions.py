@@ -51,8 +51,8 @@ _MARKS = {
 #: The text of the chosen site by the verdict of a calibration.
 _SITE_TEXTS = {
     GUARANTEED: "Guaranteed site, magenta ring",
-    ABSTAINS: "Abstains from this site, magenta ring",
-    UNLIKE: "Unlike ground, no guarantee, magenta ring",
+    ABSTAINS: "Abstains from this site, crossed-out ring",
+    UNLIKE: "Unlike ground, no guarantee, crossed-out ring",
 }
 #: Names of the maps in a legend.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
@@ -142,10 +142,14 @@ def _link_mark(collection: bpy.types.Collection, item: bpy.types.Object) -> None
 
 
 def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
-    """A ring as large as the footprint of the site."""
+    """A ring as large as the footprint of the site, crossed out if a calibration gives the site no guarantee."""
     angle = np.linspace(0.0, 2 * np.pi, _RING_POINTS, endpoint=False)
     ring = stored.disc_m / 2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    return _draw_lines(SITE, [_place_on_ground(stored, np.array([[row + 0.5, column + 0.5]])) + ring])
+    # A line across it, there and back side by side: lines are closed.
+    bar = ring[[_RING_POINTS * k // 8 for k in (1, 5)]].repeat(2, axis=0)
+    bar += np.array([(-1, 1, 0), (1, -1, 0), (1, -1, 0), (-1, 1, 0)]) * _LINE_RADIUS_M / 2
+    centre = _place_on_ground(stored, np.array([[row + 0.5, column + 0.5]]))
+    return _draw_lines(SITE, [centre + ring, *([centre + bar] if stored.guarantee in (ABSTAINS, UNLIKE) else [])])
 
 
 def _draw_reach(stored: StoredMap, reach: Array) -> bpy.types.Object:

@@ -121,10 +121,22 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     assert {"Chosen site, magenta ring", "Reach of the arm, cyan line"} <= told
     for item, colour in ((site, (255, 0, 188)), (reach, (0, 243, 255))):  # as the view shows them in each Blender
         assert (colours(item.data) == colour).all()
-    painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), guarantee="abstains"), "bm")
-    told = {text for text, _ in painted_decisions.make_legend(bpy.context.scene)}
-    assert "Abstains from this site, magenta ring" in told
-    assert not any(text.startswith("Chosen") for text in told)
+    ring = len(site.data.polygons)
+    for verdict, text in (
+        ("guaranteed", "Guaranteed site, magenta ring"),
+        ("abstains", "Abstains from this site, crossed-out ring"),
+        ("unlike", "Unlike ground, no guarantee, crossed-out ring"),
+    ):
+        stored = replace(made(), guarantee=verdict)
+        collection = painted_decisions.paint_decisions(bpy.context.scene, built, stored, "bm")
+        told = {text for text, _ in painted_decisions.make_legend(bpy.context.scene)}
+        assert text in told
+        assert not any(text.startswith("Chosen") for text in told)
+        site = next(item for item in collection.objects if item.name.startswith("Chosen"))
+        assert (len(site.data.polygons) > ring) == (verdict != "guaranteed")
+        within = np.linalg.norm((positions(site.data) - centre)[:, :2], axis=1)
+        assert within.max() < 0.15 + 2 * thick_m
+        assert set(Counter(edge for face in site.data.polygons for edge in face.edge_keys).values()) == {2}
     none = painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.meshes
