@@ -26,6 +26,8 @@ DOUBT = 0.05
 #: The quantities of a front, less is better.
 RISK, ENERGY, TIME = "risk", "energy_j", "cpu_s"
 QUANTITIES = (RISK, ENERGY, TIME)
+#: The parts of the energy, see ``compute_energy``.
+PARTS = ("camera", "processor", "lidar", "lamp")
 #: Places of a suite: no other is as good in everything, one is better in everything, or the grounds do not tell.
 FRONT, BEATEN, OPEN = "front", "beaten", "open"
 #: Least Kendall's tau of a stable ranking, and what grounds can show about it.
@@ -76,6 +78,7 @@ def compute_energy(numbers: Mapping[str, Any], suite: Suite, costs: Costs) -> di
         "camera": 2 * costs.camera_w * (numbers["exposure_s"] + pixels / costs.readout_px_s),
         "processor": costs.processor_w * costs.processor_slowdown * numbers["cpu_s"],
         "lidar": costs.lidar_w * (costs.lidar_ready_s + points / costs.lidar_points_s) if points else 0.0,
+        "lamp": suite.lamp.power_w * numbers["lamp_s"] if suite.lamp else 0.0,
     }
 
 
@@ -96,10 +99,7 @@ def collect(design: Design, rows: _Rows) -> Measured:
     return Measured(
         tuple(whole),
         tabulate(lambda each: compute_loss(each, design.abstain_loss)),
-        {
-            part: np.array([[each[part] for each in own] for own in energy], float).reshape(shape)
-            for part in ("camera", "processor", "lidar")
-        },
+        {part: np.array([[each[part] for each in own] for own in energy], float).reshape(shape) for part in PARTS},
         tabulate(lambda each: each["cpu_s"]),
         tabulate(lambda each: each["unsafe_choice"] is not None),
         tabulate(lambda each: each["unsafe_choice"] == 1),

@@ -73,11 +73,15 @@ def name_pair(recipe: Recipe) -> str:
     return f"{recipe.split}-{recipe.seed}-{recipe.number}"
 
 
+def place_camera(ground: Ground, lander: Settings) -> Array:
+    """The position (3,), m, of the left camera of a lander that stands on the ground."""
+    return np.array([*ground.recipe.place_m, ground.height_m + lander.rig.height_m])
+
+
 def look(ground: Ground, lander: Settings, light: Lighting) -> View:
     """The view of a lander that stands on the ground."""
     rig, camera = lander.rig, StereoCamera.from_settings(lander.rig)
-    axes = camera_axes(rig.heading_deg, rig.pitch_deg)
-    position = np.array([*ground.recipe.place_m, ground.height_m + rig.height_m])
+    axes, position = camera_axes(rig.heading_deg, rig.pitch_deg), place_camera(ground, lander)
     left, right = (
         Eye(
             camera.width_px,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from ..matchers.resident_process import stop_residents
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 from ..report.row_log import Row, RowLog
+from .lamps import SuiteLamp, light_night
 from .made_workspaces import (
     draw_recipes,
     match_disparity,
@@ -35,17 +36,17 @@ from .made_workspaces import (
     prepare_pair_again,
     summarise_decisions,
 )
-from .read_design import Design, Suite
+from .read_design import MOST_SUNS, Design, Suite
 
 Event = Callable[[dict[str, Any]], None]
 #: The splits of the grounds: terrains of the design, and landforms that are held out.
 OWN, LANDFORM = "ground", "landform"
 #: Increased when the same input gives other numbers.
 DESIGN_VERSION = 1
-#: The place of the light among the random streams of a ground.
-_LIGHT = 5
+#: The place of the light among the random streams of a ground, and the lamp's place among its lights, after all Suns.
+_LIGHT, _NIGHT = 5, MOST_SUNS
 #: The numbers of a row: of the choice 0 or 1 each, or null where there is none; the numbers of all cells, of the safe,
-#: the taken, and the safe and taken ones; and what cost depends on.
+#: the taken, and the safe and taken ones; and what cost depends on. ``lamp_s`` is of suites with a lamp alone.
 _NUMBERS_SHAPE: dict[str, Shape] = {
     "unsafe_choice": Maybe(NUMBER, null=True),
     "dangerous_choice": Maybe(NUMBER, null=True),
@@ -54,6 +55,7 @@ _NUMBERS_SHAPE: dict[str, Shape] = {
     "cells": Each(COUNT),
     "cpu_s": NUMBER,
     "exposure_s": NUMBER,
+    "lamp_s": Maybe(NUMBER),
     "frames": COUNT,
     "points": COUNT,
 }
@@ -71,6 +73,7 @@ class Study:
     def make_key(self, suite: Suite) -> str:
         """A digest of everything but the ground that determines the rows of a suite. Its name is not a part."""
         design = self.design
+        lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without one keep their keys
         return make_json_digest(
             [
                 DESIGN_VERSION,
@@ -83,6 +86,7 @@ class Study:
                 suite.suns,
                 list_method_inputs(suite.method),
                 dict(suite.method.lidar or {}),
+                *lamp,
             ]
         )
 
@@ -160,7 +164,7 @@ class _OpenGround:
     def __init__(self, study: Study, recipe: Recipe, warm: set[str]) -> None:
         self._study, self._recipe, self._warm = study, recipe, warm
         self._ground: Ground = build_ground(recipe)
-        self._pairs: dict[tuple[str, int], PreparedPair] = {}
+        self._pairs: dict[tuple[str, int | SuiteLamp], PreparedPair] = {}
         self._workspaces: dict[str, Workspace] = {}
         self._true_heights: tuple[Grid, Array] | None = None
 
@@ -175,10 +179,11 @@ class _OpenGround:
         workspace = self._open_workspace(suite.settings)
         disparities, seconds = [], 0.0
         pairs = [self._prepare(suite.settings, sun) for sun in range(suite.suns)]
+        night = [self._prepare_night(suite.settings, suite.lamp)] if suite.lamp else []
         if suite.method.label not in self._warm:  # a first run loads libraries, which is no time of a decision
             match_disparity(pairs[0], suite.method)
             self._warm.add(suite.method.label)
-        for prepared in pairs:
+        for prepared in [*pairs, *night]:
             disparity, spent = match_disparity(prepared, suite.method)
             disparities.append(disparity)
             seconds += spent
@@ -187,12 +192,14 @@ class _OpenGround:
         seconds += time.process_time() - start
         found = decide_from_depth(workspace, disparity_to_depth(pairs[0], disparity))
         decided = summarise_decisions(workspace, found)
-        frames = [frame.seconds for each in pairs if each.images is not None for frame in each.images.frames]
+        by_lamp = list_exposures(night)
+        frames = list_exposures(pairs) + by_lamp
         return {
             **{key: decided["sites"][key] for key in ("unsafe_choice", "dangerous_choice", "no_site", "cells")},
             "fails": decided["fails"],
             "cpu_s": seconds,
             "exposure_s": sum(frames),
+            **({"lamp_s": sum(by_lamp)} if night else {}),
             "frames": len(frames),
             "points": int(suite.method.lidar["points"]) if suite.method.lidar else 0,
         }
@@ -223,6 +230,28 @@ class _OpenGround:
                 else prepare_made_pair(self._ground, settings, *drawn)
             )
         return self._pairs[where]
+
+    def _prepare_night(self, settings: Settings, lamp: SuiteLamp) -> PreparedPair:
+        """The pair of a camera in the light of a lamp alone."""
+        where = make_json_digest(settings), lamp
+        if where not in self._pairs:
+            recipe, design = self._recipe, self._study.design
+            light = light_night(lamp, self._ground, draw_sun(recipe, 0, design.variety), settings)
+            random = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, _NIGHT, 1)
+            self._pairs[where] = prepare_pair_again(
+                self._prepare(settings, 0),
+                self._ground,
+                light,
+                design.rays_per_pixel,
+                random,
+                int(settings.sensor.noise_seed) + _NIGHT,
+            )
+        return self._pairs[where]
+
+
+def list_exposures(pairs: Sequence[PreparedPair]) -> list[float]:
+    """The seconds of all exposures of pairs."""
+    return [frame.seconds for each in pairs if each.images is not None for frame in each.images.frames]
 
 
 def draw_sun(recipe: Recipe, sun: int, variety: Variety) -> Lighting:

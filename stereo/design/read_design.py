@@ -2,7 +2,7 @@
 
 ``[design]`` states what all suites share, ``[costs]`` what energy and processor time cost, ``[settings]`` the camera,
 its sensor and the workspace. Each ``[[suite]]`` has a name, a method, perhaps several Suns, and the settings that it
-changes. The shipped file is ``suites.toml``.
+changes; with a lamp, ``[lamp]`` states its place. The shipped file is ``suites.toml``.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from ..learning.grounds import SUN_DEG, TERRAINS, Variety
 from ..matchers.lidar_options import RETURNS
 from ..matchers.methods import Method, parse_methods
 from ..matchers.search_range import refuse_true_range
+from .lamps import LAMP_SHAPE, LampPlace, SuiteLamp, read_lamp, read_place
 
 _FIX = "compare it with the shipped design, stereo/design/suites.toml"
 #: Settings that act on pairs by rays; others would be ignored.
@@ -46,13 +47,13 @@ _ACTING: Mapping[str, tuple[str, ...] | None] = {
 }
 #: Topics of settings that a suite may change: all decide on one workspace.
 _CHANGED = ("rig", "sensor")
-_OWN_KEYS = ("name", "method", "suns")
+_OWN_KEYS = ("name", "method", "suns", "lamp_w")
 #: Images are rendered in squares of this side, px.
 _SQUARE_PX = 8
 #: Least share of the workspace that both cameras must see on level ground, and the cells of a side that are looked up.
 _LEAST_SEEN, _LOOKED_UP = 0.5, 24
 #: Most images of a decision.
-_MOST_SUNS = 100
+MOST_SUNS = 100
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,14 @@ class Costs:
 
 @dataclass(frozen=True, eq=False)
 class Suite:
-    """A suite of sensors: complete ``settings``, a method, and the number of images under different Suns."""
+    """A suite of sensors: complete ``settings``, a method, the number of images under different Suns, and perhaps a
+    lamp that lights one more at night."""
 
     name: str
     method: Method
     suns: int
     settings: Settings
+    lamp: SuiteLamp | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ class Design:
     rays_per_pixel: int
     abstain_loss: float
     costs: Costs
+    lamp: LampPlace | None
     suites: tuple[Suite, ...]
     sources: Mapping[str, str]
 
@@ -103,8 +107,9 @@ _SHAPE = {
         "abstain_loss": NUMBER,
     },
     "costs": {field.name: POSITIVE for field in fields(Costs)} | {"lidar_ready_s": NUMBER},
+    "lamp": Maybe(LAMP_SHAPE),
     "settings": Maybe(TABLE),
-    "suite": Each({"name": FILE_NAME, "method": TEXT, "suns": Maybe(WHOLE)}),
+    "suite": Each({"name": FILE_NAME, "method": TEXT, "suns": Maybe(WHOLE), "lamp_w": Maybe(NUMBER)}),
     "sources": Maybe(Each(TEXT, TEXT)),
 }
 
@@ -130,13 +135,14 @@ def read_design(path: Path) -> Design:
     """Read and check a design. Raises IcyMoonError that names the file, the fault and a fix."""
     data, text = read_toml_and_text(path)
     _refuse_unknown_keys(data, _SHAPE, "", path)  # before missing ones, of which one may be misspelt
-    for table in ("design", "costs"):
-        _refuse_unknown_keys(data.get(table), _SHAPE[table], f"{table}.", path)
+    for table, shape in (("design", _SHAPE["design"]), ("costs", _SHAPE["costs"]), ("lamp", LAMP_SHAPE)):
+        _refuse_unknown_keys(data.get(table), shape, f"{table}.", path)
     check_record(data, _SHAPE, path, _FIX)
     head = data["design"]
     _check_head(head, data["costs"], path)
     base = merged(*_load_presets(head["include"], path), check(data.get("settings", {}), str(path)))
     _refuse_idle_settings(base, "the design", path)
+    lamp = read_place(data["lamp"], path) if "lamp" in data else None
     return Design(
         path,
         text,
@@ -145,7 +151,8 @@ def read_design(path: Path) -> Design:
         head["rays_per_pixel"],
         float(head["abstain_loss"]),
         Costs(**{key: float(value) for key, value in data["costs"].items()}),
-        _read_suites(data["suite"], base, path),
+        lamp,
+        _read_suites(data["suite"], base, lamp, path),
         data.get("sources", {}),
     )
 
@@ -197,10 +204,12 @@ def _refuse_idle_settings(settings: Settings, whose: str, path: Path) -> None:
                 )
 
 
-def _read_suites(tables: Sequence[Mapping[str, Any]], base: Settings, path: Path) -> tuple[Suite, ...]:
+def _read_suites(
+    tables: Sequence[Mapping[str, Any]], base: Settings, lamp: LampPlace | None, path: Path
+) -> tuple[Suite, ...]:
     if not tables:
         raise IcyMoonError(f"{path} has no suite; add a table [[suite]] with a name and a method.")
-    suites = tuple(_read_suite(table, base, path) for table in tables)
+    suites = tuple(_read_suite(table, base, lamp, path) for table in tables)
     names = [suite.name for suite in suites]
     for name in names:
         if names.count(name) > 1:
@@ -208,24 +217,25 @@ def _read_suites(tables: Sequence[Mapping[str, Any]], base: Settings, path: Path
     return suites
 
 
-def _read_suite(table: Mapping[str, Any], base: Settings, path: Path) -> Suite:
-    """A suite. Raises IcyMoonError for its settings, its method, its Suns, or a camera that sees too little."""
+def _read_suite(table: Mapping[str, Any], base: Settings, lamp: LampPlace | None, path: Path) -> Suite:
+    """A suite. Raises IcyMoonError for its settings, method, Suns or lamp, or a camera that sees too little."""
     name, where = table["name"], f"{path}: suite {table['name']}"
     changes = {key: value for key, value in table.items() if key not in _OWN_KEYS}
     for key in changes:
         if key not in _CHANGED:
             raise IcyMoonError(
-                f"{where} states {key}, and a suite has name, method, suns and settings of {' and '.join(_CHANGED)}; "
-                "state what all suites share in [settings]."
+                f"{where} states {key}, and a suite has {', '.join(_OWN_KEYS)}, and settings of "
+                f"{' and '.join(_CHANGED)}; state what all suites share in [settings]."
             )
     own = check(changes, where)
     _refuse_idle_settings(own, f"suite {name}", path)
     suns = table.get("suns", 1)
-    if not 1 <= suns <= _MOST_SUNS:
-        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {_MOST_SUNS}, the number of its pairs of images.")
+    if not 1 <= suns <= MOST_SUNS:
+        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {MOST_SUNS}, the number of its pairs of images.")
     settings = merged(defaults(), base, own)
     _check_camera(settings, where)
-    return Suite(name, _read_method(table["method"], where), suns, settings)
+    method = _read_method(table["method"], where)
+    return Suite(name, method, suns, settings, read_lamp(table.get("lamp_w"), lamp, settings, where))
 
 
 def _read_method(text: str, where: str) -> Method:

@@ -28,6 +28,7 @@ from .compare_suites import (
     FAILS,
     FRONT,
     HOLDS,
+    PARTS,
     QUANTITIES,
     RISK,
     STABLE_TAU,
@@ -80,9 +81,7 @@ _CSV_COLUMNS = (
     "safe",
     "safe_taken",
     "cpu_s",
-    "camera_j",
-    "processor_j",
-    "lidar_j",
+    *(f"{part}_j" for part in PARTS),
 )
 #: Difference of two means that is rounding.
 _ROUNDING = 1e-12
@@ -118,6 +117,7 @@ def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]
         "ranking": ranking,
         "abstain_loss": design.abstain_loss,
         "costs": asdict(design.costs),
+        "lamp": asdict(design.lamp) if design.lamp else None,
         "sources": dict(design.sources),
         "rules": study.rules.to_json(),
         "failed": [
@@ -149,6 +149,7 @@ def _list_suites(design: Design, own: Measured, landforms: Measured, bounds: Map
             **entry,
             "method": suite.method.label,
             "suns": suite.suns,
+            "lamp_w": suite.lamp.power_w if suite.lamp else None,
             "camera": _describe_camera(suite),
             "place": front["place"],
             "beaten_by": [names[k] for k in front["by"]],
@@ -255,8 +256,7 @@ def _make_notes(own: Measured, landforms: Measured) -> list[str]:
         ),
         "Processor seconds are those of matching and joining on the processor that made the rows, one thread; energy "
         "takes the stated factor for a flight computer.",
-        "Lamps are left out: rays know the Sun and the sky alone. Waiting for another Sun, motion and heating cost "
-        "nothing here.",
+        "Waiting for another Sun or for the night, motion and heating cost nothing here.",
     ]
 
 
@@ -304,7 +304,8 @@ def _make_csv(design: Design, rows: Sequence[_Row]) -> str:
     suites = {suite.name: suite for suite in design.suites}
     for row in rows:
         landform = int(row["pair"].startswith(f"{LANDFORM}-"))
-        numbers = _list_numbers(row["numbers"], suites[row["method"]], design) if row["numbers"] else [""] * 12
+        numbers = _list_numbers(row["numbers"], suites[row["method"]], design) if row["numbers"] else []
+        numbers += [""] * (len(_CSV_COLUMNS) - 4 - len(numbers))
         writer.writerow([escape_cell(row["pair"]), landform, escape_cell(row["method"]), row["status"], *numbers])
     return stream.getvalue()
 
@@ -322,7 +323,7 @@ def _list_numbers(numbers: _Row, suite: Suite, design: Design) -> list[str]:
         str(numbers["cells"][1]),
         str(numbers["cells"][3]),
         f"{numbers['cpu_s']:.6g}",
-        *(f"{energy[part]:.6g}" for part in ("camera", "processor", "lidar")),
+        *(f"{energy[part]:.6g}" for part in PARTS),
     ]
 
 
@@ -339,7 +340,9 @@ def _render_page(report: _Row) -> str:
 
 def _list_stated(report: _Row) -> list[tuple[str, str, str]]:
     """The stated numbers with their sources."""
-    numbers = {"design.abstain_loss": report["abstain_loss"]} | {f"costs.{k}": v for k, v in report["costs"].items()}
+    numbers = {"design.abstain_loss": report["abstain_loss"]} | {
+        f"{table}.{key}": value for table in ("costs", "lamp") for key, value in (report[table] or {}).items()
+    }
     return [
         (name, show_rounded(value, 7), report["sources"].get(name, "Stated by the design"))
         for name, value in numbers.items()

@@ -1,4 +1,4 @@
-"""Radiance along rays on a training ground: the Sun by the surface's law, shadows, one bounce, and a faint sky."""
+"""Radiance along rays on a ground: Sun and lamp by the surface's law, their shadows, bounces, and a faint sky."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...physics.surfaces.photometry import Law
 from ...rays.shapes import Hits, dot_products, normalize
 from ...support.arrays import Array
 from .grounds import GROUND, Ground
@@ -23,16 +24,26 @@ _BOUNCES = 3
 
 
 @dataclass(frozen=True)
+class PointLamp:
+    """A lamp at a point ``position_m`` (3,) of the world, which shines alike in all directions and hides nothing. Its
+    radiant intensity counts light as the Sun's irradiance does, see ``physics.light.lamps``."""
+
+    position_m: Array
+    intensity_w_sr: float
+
+
+@dataclass(frozen=True)
 class Lighting:
     """Light on a ground: the unit vector ``sun`` (3,) to the Sun, its irradiance and angular radius; ``sky`` is the
-    irradiance of level ground by an even sky, over the Sun's irradiance. ``other_albedo`` (k,) are the albedos of rocks
-    and shapes by their number."""
+    irradiance of level ground by an even sky, over the Sun's irradiance, so that an irradiance of 0 is a dark night.
+    ``other_albedo`` (k,) are the albedos of rocks and shapes by their number. ``lamp`` shines besides."""
 
     sun: Array
     irradiance_wm2: float
     sun_radius_rad: float
     sky: float
     other_albedo: Array
+    lamp: PointLamp | None = None
 
 
 def compute_radiance(
@@ -54,11 +65,12 @@ def compute_radiance(
         return radiance
     seen = _find_points(ground, hits, met, origin, direction[met])
     albedo, normal = _add_pattern(ground, light, seen, pixel_rad)
+    law = ground.recipe.law(albedo)
     toward = _draw_on_sun(light, len(met), random)
-    lit = _find_lit(ground, seen, toward)
-    angles = _measure_angles(normal, toward, seen.back)
-    with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the Sun
-        radiance[met] = light.irradiance_wm2 * np.where(lit, ground.recipe.law(albedo)(*angles), 0.0)
+    radiance[met] = _scatter(law, normal, toward, seen.back, light.irradiance_wm2 * _find_lit(ground, seen, toward))
+    if light.lamp is not None:
+        toward, irradiance = _shine(ground, light.lamp, seen)
+        radiance[met] += _scatter(law, normal, toward, seen.back, irradiance)
     radiance[met] += np.minimum(albedo, 1.0) * indirect[met] / np.pi
     return radiance
 
@@ -92,6 +104,9 @@ def measure_indirect(
         lit = _find_lit(ground, seen, np.broadcast_to(light.sun, seen.points.shape))
         start, normal = seen.lifted, seen.normal
         gathered[going] += weight * light.irradiance_wm2 * lit * np.maximum(normal @ light.sun, 0.0)
+        if light.lamp is not None:
+            toward, irradiance = _shine(ground, light.lamp, seen)
+            gathered[going] += weight * irradiance * np.maximum(dot_products(normal, toward), 0.0)
     rest = np.zeros(len(gathered))
     rest[going] = weight
     once, left = (each.reshape(-1, rays_each).mean(axis=1) for each in (gathered, rest))
@@ -143,13 +158,27 @@ def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: floa
     return np.clip(albedo, _LEAST_ALBEDO, _MOST_ALBEDO), normal
 
 
-def _find_lit(ground: Ground, seen: _Points, toward: Array) -> Array:
-    """Whether points face the Sun in the directions ``toward`` (n, 3), and nothing is in between."""
+def _find_lit(ground: Ground, seen: _Points, toward: Array, reach: float = _FARTHEST_M) -> Array:
+    """Whether points face a light in the directions ``toward`` (n, 3), and nothing is in between on a way of ``reach``
+    times their length."""
     lit = dot_products(seen.normal, toward) > 0
     asked = np.flatnonzero(lit)
-    far = np.full(len(asked), _FARTHEST_M)
-    lit[asked] = ~ground.tracer.is_blocked(seen.lifted[asked], toward[asked], 0.0, far)
+    lit[asked] = ~ground.tracer.is_blocked(seen.lifted[asked], toward[asked], 0.0, np.full(len(asked), reach))
     return lit
+
+
+def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array]:
+    """Unit vectors (n, 3) from points to a lamp, and the irradiance (n,) of facing surfaces there, 0 in shadow."""
+    way = lamp.position_m - seen.lifted
+    lit = _find_lit(ground, seen, way, 1.0)  # up to the lamp, not beyond it
+    square = dot_products(way, way)
+    return way / np.sqrt(square)[:, None], lamp.intensity_w_sr / square * lit
+
+
+def _scatter(law: Law, normal: Array, toward: Array, back: Array, irradiance: Array) -> Array:
+    """Radiance (n,) by light from ``toward`` (n, 3) with this irradiance (n,) of facing surfaces."""
+    with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the light
+        return irradiance * np.where(irradiance > 0, law(*_measure_angles(normal, toward, back)), 0.0)
 
 
 def _draw_on_sun(light: Lighting, count: int, random: np.random.Generator) -> Array:
@@ -170,13 +199,13 @@ def _draw_cosine(normal: Array, random: np.random.Generator) -> Array:
     return normalize(normal * (1 + 1e-6) + ball)
 
 
-def _measure_angles(normal: Array, sun: Array, back: Array) -> tuple[Array, Array, Array]:
-    """Incidence, emission, and the azimuth between them, radians (n,); the azimuth is 0 where the Sun is behind the
+def _measure_angles(normal: Array, toward: Array, back: Array) -> tuple[Array, Array, Array]:
+    """Incidence, emission, and the azimuth between them, radians (n,); the azimuth is 0 where the light is behind the
     observer."""
-    cos_i, cos_e = dot_products(normal, sun), dot_products(normal, back)
+    cos_i, cos_e = dot_products(normal, toward), dot_products(normal, back)
     # The components along the surface.
-    toward: Array = sun - cos_i[:, None] * normal
+    along: Array = toward - cos_i[:, None] * normal
     away: Array = back - cos_e[:, None] * normal
-    sin_i, sin_e = np.sqrt(dot_products(toward, toward)), np.sqrt(dot_products(away, away))
-    cos_azimuth = dot_products(toward, away) / np.maximum(sin_i * sin_e, 1e-12)
+    sin_i, sin_e = np.sqrt(dot_products(along, along)), np.sqrt(dot_products(away, away))
+    cos_azimuth = dot_products(along, away) / np.maximum(sin_i * sin_e, 1e-12)
     return np.arctan2(sin_i, cos_i), np.arctan2(sin_e, cos_e), np.arccos(np.clip(cos_azimuth, -1.0, 1.0))

@@ -49,7 +49,7 @@ def make_measured(loss, energy, seconds):
     """Numbers (grounds, suites) with constant costs and losses of the first grounds of each suite, by their number."""
     table = np.where(np.arange(GROUNDS)[:, None] < np.array(loss), 1.0, 0.0)
     zero, ones = np.zeros(table.shape), np.ones(table.shape)
-    costs = {"camera": ones * energy, "processor": zero, "lidar": zero}
+    costs = {"camera": ones * energy, "processor": zero, "lidar": zero, "lamp": zero}
     names = tuple(map(str, range(GROUNDS)))
     return Measured(names, table, costs, ones * seconds, ones, table, zero, zero, 0)
 
@@ -75,8 +75,10 @@ def test_energy_is_power_times_time_of_each_part():
     )
     # Two cameras of 3 W for three exposures of 0.5 s in all and three reads of 2 s.
     found = compute_energy(make_numbers(cpu_s=0.2, frames=3, points=100), suite, costs)
-    assert found == pytest.approx({"camera": 2 * 3 * 6.5, "processor": 200.0, "lidar": 20 * 9.0})
+    assert found == pytest.approx({"camera": 2 * 3 * 6.5, "processor": 200.0, "lidar": 20 * 9.0, "lamp": 0.0})
     assert compute_energy(make_numbers(), suite, costs)["lidar"] == 0  # it is off
+    (lit,) = (suite for suite in DESIGN.suites if suite.lamp)  # a lamp of 20 W
+    assert compute_energy(make_numbers() | {"lamp_s": 0.3}, lit, costs)["lamp"] == pytest.approx(6.0)
 
 
 def test_a_constructed_table_has_the_known_front():
@@ -149,7 +151,10 @@ def test_a_summary_counts_and_grounds_with_a_failed_suite_are_left_out():
     outcomes = [(1.0, 0.0), (0.0, 0.0), (None, 1.0), (None, None)]
     rows = {
         f"ground-0-{k}": {
-            name: {"status": "ok", "numbers": make_numbers(*outcomes[k % 4], points=100 * (name == "lidar_100"))}
+            name: {
+                "status": "ok",
+                "numbers": make_numbers(*outcomes[k % 4], points=100 * (name == "lidar_100")) | {"lamp_s": 0.1},
+            }
             for name in names
         }
         for k in range(40)

@@ -39,6 +39,7 @@ def made(monkeypatch):
             "cells": [100, 40, 20, 10],
             "cpu_s": 0.1 + random.random() / 100,
             "exposure_s": 0.01,
+            **({"lamp_s": 0.002} if suite.lamp else {}),
             "frames": suite.suns,
             "points": 100 if suite.method.lidar else 0,
         }
@@ -59,14 +60,14 @@ def test_a_stopped_run_goes_on_to_the_files_of_a_whole_one(made, tmp_path, capsy
     printed = capsys.readouterr().out
     assert "lidar_1000" in printed
     assert "Kendall's tau-b" in printed
-    assert len(made["rows"]) == 40 * 10
+    assert len(made["rows"]) == 40 * 11
     made |= {"rows": [], "most": 57}
     assert run(tmp_path / "parts") == 130
     with (tmp_path / "parts" / "design.jsonl").open("a", encoding="utf-8") as stream:
         stream.write('{"pair": "half a r')  # a kill while a row is written
     made["most"] = 10**9
     assert run(tmp_path / "parts") == 0
-    assert len(made["rows"]) == 40 * 10  # none was made twice
+    assert len(made["rows"]) == 40 * 11  # none was made twice
     for name in ("design.jsonl", "design.csv"):
         assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     one, other = (json.loads((tmp_path / name / "design.json").read_text()) for name in ("whole", "parts"))
@@ -86,21 +87,22 @@ def test_the_files_state_the_same_numbers(made, tmp_path, capsys):
     assert last["suites"] == report["suites"]
     with (tmp_path / "out" / "design.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
-    assert len(rows) == 400
+    assert len(rows) == 440
     for entry in report["suites"]:
         own = [row for row in rows if row["suite"] == entry["suite"] and row["landform"] == "0"]
         assert entry["unsafe"] == sum(row["unsafe"] == "1" for row in own)
         assert entry["risk"]["mean"] == pytest.approx(np.mean([float(row["loss"]) for row in own]))
-        energy = [sum(float(row[part]) for part in ("camera_j", "processor_j", "lidar_j")) for row in own]
+        energy = [sum(float(row[part]) for part in ("camera_j", "processor_j", "lidar_j", "lamp_j")) for row in own]
         assert entry["energy_j"]["mean"] == pytest.approx(np.mean(energy), rel=1e-5)
         assert len(own) == 20
-    assert len(report["differences"]) == 45
+    assert len(report["differences"]) == 55
     assert {entry["suite"] for entry in report["suites"] if entry["place"] == "beaten"} <= {"bm"}
     page = (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
     assert page.count("<svg") == 2
     assert all(entry["suite"] in page for entry in report["suites"])
     assert all(sentence in page.replace("&#39;", "'") for sentence in (*report["head"], *report["notes"]))
-    assert "Lamps are left out" in page
+    assert "a lamp of 20 W" in page
+    assert "Waiting for another Sun or for the night" in page
     assert all(source.replace("'", "&#39;") in page for source in report["sources"].values() if "Ouster" in source)
 
 
@@ -111,12 +113,12 @@ def test_a_study_in_which_all_fails_still_has_a_report(made, tmp_path, capsys, m
     monkeypatch.setattr(study_of._OpenGround, "measure", fail)
     assert run(tmp_path) == 1
     assert (
-        "400 of the decisions failed, the first one: no light; turn it on." in capsys.readouterr().err.splitlines()[-1]
+        "440 of the decisions failed, the first one: no light; turn it on." in capsys.readouterr().err.splitlines()[-1]
     )
     report = json.loads((tmp_path / "design.json").read_text())
-    assert (report["suites"], report["ranking"], len(report["failed"])) == ([], None, 400)
+    assert (report["suites"], report["ranking"], len(report["failed"])) == ([], None, 440)
     assert "40 grounds on which a suite failed count nowhere." in report["notes"]
-    assert "400 failed" in (tmp_path / "design.html").read_text(encoding="utf-8")
+    assert "440 failed" in (tmp_path / "design.html").read_text(encoding="utf-8")
 
 
 def fail_wide(monkeypatch, fails):

@@ -18,7 +18,7 @@ def test_shipped_designs_are_whole(name):
     assert 8 <= len(design.suites) <= 12
     assert len({suite.name for suite in design.suites}) == len(design.suites)
     assert all(suite.settings.workspace == design.suites[0].settings.workspace for suite in design.suites)
-    numbers = [f"costs.{key}" for key in design.costs.__dataclass_fields__]
+    numbers = [f"{table}.{key}" for table in ("costs", "lamp") for key in getattr(design, table).__dataclass_fields__]
     assert set(numbers) <= set(design.sources)  # each has its source
 
 
@@ -27,6 +27,7 @@ def test_the_shipped_suites_differ_in_each_kind_of_choice():
     base = suites["base"]
     assert {suite.settings.rig.baseline_m for suite in suites.values()} == {0.12, 0.25, 0.4}
     assert {suite.suns for suite in suites.values()} == {1, 3}
+    assert {suite.lamp.power_w if suite.lamp else 0 for suite in suites.values()} == {0, 20}
     assert sorted(int(suite.method.lidar["points"]) for suite in suites.values() if suite.method.lidar) == [100, 1000]
     assert len({suite.method.name for suite in suites.values()}) == 4
     fine = suites["fine"].settings
@@ -61,6 +62,14 @@ WRONG: dict[str, tuple[Any, str, str]] = {
     "scan": ("points=100\"", "points=100:returns=scans\"", "grounds by rays have none; leave it out"),
     "setting": ("rig.baseline_m = 0.12", "rig.base_m = 0.12", "suite short.*baseline_m"),
     "lamp": ("rig.baseline_m = 0.12", "light.planet = false", "suite short states light, .*in \\[settings\\]"),
+    "no power": ("lamp_w = 20.0", "lamp_w = 0.0", "suite lamp has lamp_w = 0; give the electric power .* above 0"),
+    "words for power": ("lamp_w = 20.0", 'lamp_w = "20 W"', "lamp_w.*number; compare it with the shipped design"),
+    "no lamp": (re.compile(r"(?ms)^\[lamp\].*?(?=^# What all)"), "", r"no table \[lamp\]; add one with efficiency, "),
+    "half a lamp": ("right_m = 0.55\n", "", "lamp.right_m is missing; compare it"),
+    "misspelt lamp": ("up_m = -0.2", "high_m = 0.2", "unknown key lamp.high_m"),
+    "more light than power": ("efficiency = 0.3", "efficiency = 3", "lamp.efficiency is 3; give the share"),
+    "far lamp": ("right_m = 0.55", "right_m = 55", "lamp.right_m is 55; give metres .* from -10 to 10"),
+    "buried lamp": ("up_m = -0.2", "up_m = -5", "suite lamp has a lamp .* m under level ground; raise lamp.up_m"),
     "own workspace": ("rig.baseline_m = 0.12", "workspace.cell_m = 0.1", "suite short states workspace"),
     "idle": ("rig.baseline_m = 0.12", "rig.toe_in_deg = 1.0", "rig.toe_in_deg of suite short does not act"),
     "idle for all": ("rig.width_px = 320", "light.sun_elevation_deg = 20.0", "light.sun_elevation_deg of the design"),

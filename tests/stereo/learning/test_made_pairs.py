@@ -19,7 +19,7 @@ from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.learning import grounds, made_pairs
 from icymoon.stereo.learning.grounds import Ground, build_ground, draw_recipe, draw_sun_elevation_deg
 from icymoon.stereo.learning.made_pairs import MadePairs, draw_view
-from icymoon.stereo.learning.radiance import Lighting, compute_radiance, measure_indirect
+from icymoon.stereo.learning.radiance import Lighting, PointLamp, compute_radiance, measure_indirect
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.skipif(load_library() is None, reason="there is no Embree; pip install embreex")
@@ -220,3 +220,55 @@ def test_own_ground_stands_where_the_terrain_of_the_settings_does():
         assert 30.0 - met.along[0] == pytest.approx(height, abs=0.02)  # triangles of 1.2 cm
     finally:
         grounds.close_ground(ground)
+
+
+NIGHT = Lighting(SUN, 0.0, 0.0, 0.3, np.full(4, 0.5))
+LAMP = PointLamp(np.array([0.5, 0.2, 1.5]), 7.0)
+
+
+def find_on_plane(direction):
+    """The points where rays down from 2 m meet the plane."""
+    return np.array([0.0, 0.0, 2.0]) + direction * (2.0 / -direction[:, 2:])
+
+
+def test_a_lamp_lights_a_plane_by_the_inverse_square_and_lambert():
+    """Shadow rays start 2e-4 of the ray above the plane, so distances err by 1e-3 and their squares by 2e-3."""
+    direction, found = see(make_flat_ground(), replace(NIGHT, lamp=LAMP))
+    down = direction[:, 2] < -0.2
+    way = LAMP.position_m - find_on_plane(direction[down])
+    distance = np.linalg.norm(way, axis=1)
+    assert found[down] == pytest.approx(0.6 / np.pi * 7.0 / distance**2 * way[:, 2] / distance, rel=4e-3)
+
+
+def test_a_night_without_a_lamp_is_dark_and_lights_add_up():
+    ground = make_flat_ground()
+    assert not see(ground, NIGHT)[1].any()
+    both, day, night = (
+        see(ground, each)[1] for each in (replace(light(), lamp=LAMP), light(), replace(NIGHT, lamp=LAMP))
+    )
+    assert both == pytest.approx(day + night, rel=1e-12)
+
+
+def test_the_shadow_of_a_wall_is_at_the_side_away_from_the_lamp():
+    """The wall of 1 m in the south hides what lies beyond it and below the line from the lamp over its edge."""
+    lamp = PointLamp(np.array([0.0, 0.0, 2.0]), 7.0)
+    ground, origin = make_flat_ground(wall_m=1.0), np.array([0.0, -7.0, 8.0])
+    y = np.linspace(-14.0, -1.0, 53)
+    direction = np.stack([np.full(y.size, 0.1), y, np.zeros(y.size)], axis=1) - origin
+    seen = compute_radiance(
+        ground, replace(NIGHT, lamp=lamp), origin, direction, 1e-3, np.zeros(y.size), np.random.default_rng(0)
+    )
+    hidden = (y < -5.0) & (y > -10.0)  # the line from 2 m over the edge of 1 m at 5 m ends at 10 m
+    clear = (np.abs(y + 5.0) > 1.0) & (np.abs(y + 10.0) > 0.1)  # beside the wall itself and the edge of its shadow
+    assert ((seen > 0) == ~hidden)[clear].all()
+
+
+def test_a_wall_returns_the_light_of_a_lamp_and_a_bare_plane_none():
+    direction, count = np.tile([0.0, -2.0, -1.0], (8, 1)), 64
+    origin, night = np.array([0.0, 0.0, 2.0]), replace(NIGHT, lamp=LAMP)
+    bare, walled = (
+        measure_indirect(make_flat_ground(wall), night, origin, direction, count, np.random.default_rng(0))
+        for wall in (0.0, 4.0)
+    )
+    assert not bare.any()
+    assert walled.min() > 0
