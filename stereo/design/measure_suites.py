@@ -218,35 +218,32 @@ class _OpenGround:
         """The pair of a camera under a Sun of the ground, with its own noise of light and sensor."""
         where = make_json_digest(settings), sun
         if where not in self._pairs:
-            recipe, design = self._recipe, self._study.design
-            light = draw_sun(recipe, sun, design.variety)
-            random = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, sun, 1)
-            drawn = light, design.rays_per_pixel, random
-            self._pairs[where] = (
-                prepare_pair_again(
-                    self._prepare(settings, 0), self._ground, *drawn, int(settings.sensor.noise_seed) + sun
-                )
-                if sun
-                else prepare_made_pair(self._ground, settings, *drawn)
-            )
+            light = draw_sun(self._recipe, sun, self._study.design.variety)
+            if sun:
+                self._pairs[where] = self._prepare_again(settings, light, sun)
+            else:
+                self._pairs[where] = prepare_made_pair(self._ground, settings, light, *self._start_noise(sun))
         return self._pairs[where]
 
     def _prepare_night(self, settings: Settings, lamp: SuiteLamp) -> PreparedPair:
         """The pair of a camera in the light of a lamp alone."""
         where = make_json_digest(settings), lamp
         if where not in self._pairs:
-            recipe, design = self._recipe, self._study.design
-            light = light_night(lamp, self._ground, draw_sun(recipe, 0, design.variety), settings)
-            random = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, _NIGHT, 1)
-            self._pairs[where] = prepare_pair_again(
-                self._prepare(settings, 0),
-                self._ground,
-                light,
-                design.rays_per_pixel,
-                random,
-                int(settings.sensor.noise_seed) + _NIGHT,
-            )
+            day = draw_sun(self._recipe, 0, self._study.design.variety)
+            night = light_night(lamp, self._ground, day, settings)
+            self._pairs[where] = self._prepare_again(settings, night, _NIGHT)
         return self._pairs[where]
+
+    def _prepare_again(self, settings: Settings, light: Lighting, number: int) -> PreparedPair:
+        """The pair of the first Sun in another light, with the noise of the light's number."""
+        first, seed = self._prepare(settings, 0), int(settings.sensor.noise_seed) + number
+        return prepare_pair_again(first, self._ground, light, *self._start_noise(number), seed)
+
+    def _start_noise(self, number: int) -> tuple[int, np.random.Generator]:
+        """Rays of a pixel, and their random stream for the light of this number."""
+        recipe = self._recipe
+        stream = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, number, 1)
+        return self._study.design.rays_per_pixel, stream
 
 
 def list_exposures(pairs: Sequence[PreparedPair]) -> list[float]:
