@@ -21,6 +21,16 @@ ALONG = np.array([[1.0, 0, 0], [0, 0.6, -0.8], [0, 0, -1]])
 RANGE_M = np.array([2.0, 10.0, 4.0])
 #: The second return is lost.
 MEASURED_M = np.array([2.5, np.nan, 4.25])
+#: A place in UTM zone 33 N (EPSG 32633), in a file of kilometres, on a body whose curvature the ground has.
+MAP = {
+    "origin": [4e5, 5.4e6],
+    "scale": [0.5, 1.0],
+    "unit_m": 1000.0,
+    "height_zero_m": 40.0,
+    "body_radius_m": 1e6,
+    "bounds": [390.0, 5390.0, 410.0, 5410.0],
+    "geokeys": {"directory": "1 1 0 1 3072 0 1 32633", "doubles": "", "text": ""},
+}
 
 
 def write_folder(folder: Path, measured: bool, place: dict[str, Any] | None = None) -> Path:

@@ -16,18 +16,7 @@ from icymoon.stereo.export import lidar
 from icymoon.stereo.export.lidar import check_format, discard_points, write_scan
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import write_json
-from lidar_scans import ALONG, MEASURED_M, PATTERN, POSE, RANGE_M, write_folder
-
-#: A place in UTM zone 33 N (EPSG 32633), in a file of kilometres, on a body whose curvature the ground has.
-MAP = {
-    "origin": [4e5, 5.4e6],
-    "scale": [0.5, 1.0],
-    "unit_m": 1000.0,
-    "height_zero_m": 40.0,
-    "body_radius_m": 1e6,
-    "bounds": [390.0, 5390.0, 410.0, 5410.0],
-    "geokeys": {"directory": "1 1 0 1 3072 0 1 32633", "doubles": "", "text": ""},
-}
+from lidar_scans import ALONG, MAP, MEASURED_M, PATTERN, POSE, RANGE_M, write_folder
 
 
 @pytest.fixture

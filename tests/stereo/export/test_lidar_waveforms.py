@@ -21,6 +21,7 @@ from icymoon.stereo.lidar_view import read_shown_points
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import write_json
 from lidar_returns import instrument, returns
+from lidar_scans import MAP
 
 pytest.importorskip("laspy")
 
@@ -28,15 +29,6 @@ POSE = make_pose((100.0, -200.0, 30.0), (0.8, 0.0, 0.6, 0.0))
 #: Two returns of one beam in one packet, one far behind them in its own, and one lost return among three beams.
 BEAM, ORDER, RANGE_M = [0, 0, 0, 1, 2], [1, 2, 3, 1, 1], np.array([10.0, 12.5, 30.0, 20.0, 40.0])
 ELECTRONS = np.array([3e4, 2e3, 4e3, 1.0, 5e7])
-MAP = {
-    "origin": [4e5, 5.4e6],
-    "scale": [0.5, 1.0],
-    "unit_m": 1000.0,
-    "height_zero_m": 40.0,
-    "body_radius_m": 1e6,
-    "bounds": [390.0, 5390.0, 410.0, 5410.0],
-    "geokeys": {"directory": "1 1 0 1 3072 0 1 32633", "doubles": "", "text": ""},
-}
 
 
 def write_folder(
