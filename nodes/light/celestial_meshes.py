@@ -6,6 +6,7 @@ label where they hide at least half of the light behind them.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -29,24 +30,36 @@ DISTANCE_M = 1.0e5
 STARS_M = 9.0e5  # behind planet and rings, within the camera's clipping distance
 #: Attributes of the vertices: radiance in W/(m² sr), one number or R, G and B, and the share of light that passes.
 RADIANCE, TRANSMISSION = "radiance", "transmission"
+DISC = "icymoon_disc"  # property of the planet: hash of the inputs of its mesh
 #: Radius of a star's image in pixels. Cycles' pixel filter is narrower than a pixel, so the pixels of a point would get
 #: between none and 3.5 times its light. A cone of this radius gives all of its light within 2 % in the middle of the
 #: image, and within 5 % near the borders.
 STAR_PX = 1.0
 
 
-def build_planet(name: str, planet: Planet, colour: Array, pixel_rad: float, dip_deg: float) -> bpy.types.Object:
+def build_planet(
+    name: str, planet: Planet, colour: Array, pixel_rad: float, dip_deg: float, former: bpy.types.Object | None = None
+) -> bpy.types.Object:
     """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion, with a limb that is
-    soft over a pixel of ``pixel_rad`` radians."""
+    soft over a pixel of ``pixel_rad`` radians.
+
+    The mesh is taken from a ``former`` planet of the same disc: only the material depends on the Sun, and cutting the
+    mesh takes 0.2 s.
+    """
     shown = make_disc_mesh(planet, pixel_rad)
-    return _build_far_mesh(
-        name,
-        DISTANCE_M * shown.vertices,
-        [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()],
-        {TRANSMISSION: shown.transmission},
-        build_planet_material(name, planet, colour, DISTANCE_M, TRANSMISSION),
-        dip_deg,
-    )
+    disc = hashlib.sha256(repr(dip_deg).encode())
+    for values in (shown.vertices, shown.faces, shown.transmission):
+        disc.update(values.tobytes())
+    material = build_planet_material(name, planet, colour, DISTANCE_M, TRANSMISSION)
+    if former is not None and former.get(DISC) == disc.hexdigest():
+        former.data.materials[0] = _set_up_far_material(material)
+        item = _hold_far_mesh(name, former.data)
+    else:
+        faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
+        attributes = {TRANSMISSION: shown.transmission}
+        item = _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, attributes, material, dip_deg)
+    item[DISC] = disc.hexdigest()
+    return item
 
 
 def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
@@ -103,12 +116,22 @@ def _build_far_mesh(
     for key, values in attributes.items():
         kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
         mesh.attributes.new(key, kind, "POINT").data.foreach_set(field, values.ravel().astype(np.float32))
-    material.cycles.emission_sampling = "NONE"
-    material.pass_index = PLANET
-    mesh.materials.append(material)
+    mesh.materials.append(_set_up_far_material(material))
     slope = math.tan(math.radians(dip_deg))
     if len(vertices) and (vertices[:, 2] + slope * np.hypot(vertices[:, 0], vertices[:, 1])).min() < 0:
         _cut_below_horizon(mesh, slope)
+    return _hold_far_mesh(name, mesh)
+
+
+def _set_up_far_material(material: bpy.types.Material) -> bpy.types.Material:
+    """The material, which lights nothing and has the label of a planet."""
+    material.cycles.emission_sampling = "NONE"
+    material.pass_index = PLANET
+    return material
+
+
+def _hold_far_mesh(name: str, mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """An object of the mesh that only the camera sees."""
     item = bpy.data.objects.new(name, mesh)
     compat.hide_from_rays(item, from_camera=False)
     return item

@@ -93,16 +93,18 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
 
 
 def change_lights(
-    sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky
+    sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky, keeps_disc: bool
 ) -> list[bpy.types.Object]:
     """Change an existing Sun to the settings, and make the other lights again.
 
-    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove.
+    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. ``keeps_disc``
+    says whether a planet of the same disc keeps its mesh.
     """
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
     camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
-    for item in _build_lights_but_sun(settings, sky, camera):
+    planet = next((item for item in old if item.get(TAG) == "planet"), None) if keeps_disc else None
+    for item in _build_lights_but_sun(settings, sky, camera, planet):
         collection.objects.link(item)
     return old
 
@@ -112,12 +114,14 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     sun[SKY] = json.dumps(describe_sky(sky))
 
 
-def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+def _build_lights_but_sun(
+    settings: Settings, sky: Sky, camera: bpy.types.Object, former_planet: bpy.types.Object | None = None
+) -> list[bpy.types.Object]:
     light, items = settings.light, {}
     colour, pixel_rad = sun_colour(light.sun_temperature_k), 1 / focal_px(settings.rig)
     dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)
     if sky.planet is not None and sky.planet_is_up:
-        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip)
+        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip, former_planet)
         if planet_gives_light(settings, sky):
             items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
     rings = make_ring_mesh(sky.planet) if sky.planet is not None else None

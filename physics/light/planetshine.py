@@ -180,10 +180,16 @@ class CapNodes:
     solid_angle: Array  # (n, 2n) sr; 0 below the horizon
 
 
+@lru_cache(maxsize=4)  # to find 96 takes 4 ms, and a slider of the Sun asks three times a step
+def _find_gauss_nodes(n: int) -> tuple[Array, Array]:
+    """Nodes and weights (n,) of Gauss-Legendre quadrature from -1 to 1."""
+    return np.polynomial.legendre.leggauss(n)
+
+
 def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
     """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet."""
     planet = seen.planet
-    x, weight = np.polynomial.legendre.leggauss(nodes)
+    x, weight = _find_gauss_nodes(nodes)
     angle = seen.half_angle * (x + 1) / 2
     around = 2 * np.pi * (np.arange(2 * nodes) + 0.5) / (2 * nodes)
     sphere = seen.sphere(*np.meshgrid(angle, around, indexing="ij"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
+from icymoon.nodes.datablocks import fingerprint
 from icymoon.operators import sidebar_text
 from icymoon.physics.light.saturn_rings import RINGS, ring_brightness
 from icymoon.physics.light.sky import compute_sky
@@ -196,6 +197,40 @@ def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
         found[has] = read_view(pair.image("left")).radiance.mean()
         assert found[has] == pytest.approx(expected, rel=2e-3)
     assert found[True] < 0.97 * found[False]
+
+
+def mark_planet(built):
+    """The marks of the planet's object, mesh and materials."""
+    return fingerprint.read_marks(built.collection, "planet").parts
+
+
+def test_planet_keeps_its_mesh_while_only_the_sun_moves():
+    low = SATURN | {"planet_elevation_deg": 5.0}  # the horizon cuts the disc
+    changes: tuple[tuple[dict[str, Any], bool], ...] = (
+        ({"sun_elevation_deg": 12.0}, True),
+        ({"sun_elevation_deg": 12.0, "sun_azimuth_deg": 200.0}, True),
+        ({"planet_elevation_deg": 6.0}, False),
+        ({"planet_elevation_deg": 6.0, "planet_angular_diameter_deg": 20.0}, False),
+    )
+    fresh = [mark_planet(scenes.build_scene(empty_scene(), complete({"light": low | change}))) for change, _ in changes]
+    assert len({marks["planet materials"] for marks in fresh}) == len(fresh)
+    built = scenes.build_scene(empty_scene(), complete({"light": low}))
+    for (change, keeps), expected in zip(changes, fresh, strict=True):
+        mesh = bpy.data.objects["Icy Moon Planet"].data.as_pointer()
+        preview.show_settings(built, complete({"light": low | change}), 65)
+        assert (bpy.data.objects["Icy Moon Planet"].data.as_pointer() == mesh) == keeps
+        assert mark_planet(built) == expected
+        assert not built.edited
+
+
+def test_edited_planet_is_made_again_when_the_sun_moves():
+    built = scenes.build_scene(empty_scene(), complete({"light": SATURN}))
+    mesh = bpy.data.objects["Icy Moon Planet"].data
+    before = mark_planet(built)["planet data"]
+    mesh.vertices[0].co.x += 1e4
+    assert mark_planet(built)["planet data"] != before
+    preview.show_settings(built, complete({"light": SATURN | {"sun_elevation_deg": 12.0}}), 65)
+    assert mark_planet(built)["planet data"] == before
 
 
 def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
