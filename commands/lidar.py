@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..formats.lidar_file import read_lidar
-from ..physics.lidar.digitiser import SAMPLE_COUNTS, make_digitiser
+from ..physics.lidar.digitiser import SAMPLE_COUNTS
 from ..physics.lidar.instrument import make_pose
 from ..physics.lidar.scene_light import find_scene_media
 from ..render.pairs.dataset_file_names import check_no_link
@@ -93,9 +92,7 @@ def find_lidar(name: str) -> Path:
 def _run_lidar(options: argparse.Namespace) -> int:
     file = find_lidar(options.lidar).absolute()
     request = _make_request(options)
-    lidar = request.change(read_lidar(file))
-    if request.waveforms is not None:
-        make_digitiser(lidar.detector, lidar.instrument, request.waveforms)
+    lidar = request.read_scanner(file)
     kinds = [kind for kind in _FORMATS if getattr(options, kind)]
     for reason in filter(None, map(check_format, kinds)):
         raise IcyMoonError(reason)

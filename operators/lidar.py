@@ -55,7 +55,10 @@ def make_request(scene: bpy.types.Scene) -> ScanRequest:
     """The panel's choices for a scan."""
     group = scene.icymoon.lidar
     without = [name for name in ("ice", "detector") if not getattr(group, name)]
-    return ScanRequest(rows=group.rows or None, columns=group.columns or None, without=tuple(without))
+    samples = None if group.waveforms == "NONE" else int(group.waveforms)
+    return ScanRequest(
+        rows=group.rows or None, columns=group.columns or None, without=tuple(without), waveforms=samples
+    )
 
 
 def read_scanner(scene: bpy.types.Scene) -> LidarFile:
@@ -89,7 +92,8 @@ class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene
-        planned, lidar, asked = plan_scan(scene), read_scanner(scene), make_request(scene)
+        planned, asked, file = plan_scan(scene), make_request(scene), find_scanner_file(scene)
+        lidar = asked.read_scanner(file)
         if "ice" not in asked.without:
             find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, None, None)
         self._scene_uid, folder = scene.session_uid, find_scan_folder(scene, planned)
@@ -104,7 +108,7 @@ class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
             "scan",
             str(files.file),
             str(folder.parent),
-            str(find_scanner_file(scene)),
+            str(file),
             asked.to_json(),
         )
         return jobs.Job.start(self.bl_label, command, clean_up=files.discard, if_stopped="an earlier scan is kept")

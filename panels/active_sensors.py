@@ -49,6 +49,9 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
             column.prop(group, "file", text="")
         for key in ("rows", "columns", "detector", "ice"):
             column.prop(group, key)
+        column = layout.column()
+        column.active = group.detector  # a waveform is what a detector receives
+        column.prop(group, "waveforms")
         column = layout.column(align=True)
         column.operator("icymoon.show_beams", icon="LIGHT_SPOT")
         draw_start(column, "icymoon.scan_lidar", "Scan with LiDAR", "OUTLINER_OB_POINTCLOUD")

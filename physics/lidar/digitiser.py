@@ -87,13 +87,13 @@ def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: 
     are shorter. Raises IcyMoonError without an analog receiver."""
     if detector is None:
         raise IcyMoonError(
-            "A waveform is what a detector receives, and this scan has none; choose a scanner with a [detector], "
-            "leave --without detector out, or leave --waveforms out."
+            "A waveform is what a detector receives, and this scan has none; choose a scanner with a detector, "
+            "do not leave the detector out, or ask for no waveforms."
         )
     if isinstance(detector, PhotonCounter):
         raise IcyMoonError(
             "The detector counts single photons, so it has no waveform; choose a scanner whose detector is an APD, or "
-            "leave --waveforms out."
+            "ask for no waveforms."
         )
     spacing_ps = math.floor(min(instrument.pulse_fwhm_s, 1.0 / detector.apd.bandwidth_hz) / 2.0 * 1e12 + 1e-6)
     if not 1 <= spacing_ps < 2**32:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import cast
 
-from ...formats.lidar_file import LidarFile, change_lidar
+from ...formats.lidar_file import LidarFile, change_lidar, read_lidar
+from ...physics.lidar.digitiser import make_digitiser
 from ...physics.lidar.noise_streams import Effects
 from ...physics.lidar.returns import Reported
 from ...support.foreign_bytes import parse_json
@@ -45,7 +47,14 @@ class ScanRequest:
         stated = parse_json(text)
         return cls(**(stated | {key: tuple(stated[key]) for key in ("pose", "without")}))
 
+    def read_scanner(self, path: Path) -> LidarFile:
+        """The scanner of a file as it is asked for. Raises IcyMoonError for an impossible one."""
+        lidar = self.change(read_lidar(path))
+        if self.waveforms is not None:
+            make_digitiser(lidar.detector, lidar.instrument, self.waveforms)
+        return lidar
+
     def change(self, lidar: LidarFile) -> LidarFile:
-        """The scanner as it is asked for. Raises IcyMoonError for an impossible one."""
+        """A scanner as it is asked for. Raises IcyMoonError for an impossible one."""
         changed = change_lidar(lidar, self.rows, self.columns, self.rays, cast(Reported | None, self.returns))
         return replace(changed, detector=None) if "detector" in self.without else changed

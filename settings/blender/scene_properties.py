@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ...formats.lidar_file import read_lidar
+from ...physics.lidar.digitiser import SAMPLE_COUNTS
 from ...physics.surfaces import principled
 from ...plugins.landforms import PREFIX
 from ...render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
@@ -282,6 +283,11 @@ def _make_lidar() -> object:
                 name="Light in Ice",
                 default=True,
                 description="Let light enter snow and ice, which it leaves late",
+            ),
+            "waveforms": bpy.props.EnumProperty(
+                name="Waveforms",
+                description="Samples of what an analog detector receives of each pulse, written to lidar.wdp",
+                items=[("NONE", "None", "Ranges only"), *((str(n), f"{n} Samples", "") for n in SAMPLE_COUNTS)],
             ),
             **_make_look_of_points(),
         },

@@ -25,7 +25,7 @@ from icymoon.settings.user_files import hash_content
         (["--grain-um", "100", "--density", "2000"], "density of snow is 2000"),
         (["--seed", "-1"], "--seed is -1"),
         (["--lidar", "elsa", "--waveforms", "64"], "counts single photons, so it has no waveform"),
-        (["--without", "detector", "--waveforms", "64"], "leave --without detector out, or leave --waveforms out"),
+        (["--without", "detector", "--waveforms", "64"], "do not leave the detector out, or ask for no waveforms"),
         (["no_pair"], "no_pair"),
         (["no_pair", "--preset", "enceladus_block_field"], "A pair has its own settings"),
     ],

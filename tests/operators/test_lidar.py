@@ -12,6 +12,7 @@ from icymoon.operators import jobs, lidar
 from icymoon.render.pairs.dataset_file_names import folder_of_pair
 from icymoon.settings.blender.scene_properties import OWN_SCANNER
 from icymoon.settings.preset_files import LIDARS
+from icymoon.support.errors import IcyMoonError
 from lidar_scans import write_folder
 
 
@@ -45,6 +46,20 @@ def test_a_scan_is_the_job_of_the_command_line(small, started):
     asked = json.loads(asked)
     assert (asked["rows"], asked["columns"], asked["without"]) == (12, None, ["ice", "detector"])
     assert [pair["id"] for pair in job["pairs"]] == [lidar.plan_scan(small).id]
+
+
+def test_waveforms_of_the_panel_are_asked_for_or_refused_before_a_scan(small, started):
+    group = small.icymoon.lidar
+    group.scanner = "livox_hap"
+    start()
+    group.waveforms = "128"
+    start()
+    assert [json.loads(command[-1])["waveforms"] for command, _ in started] == [None, 128]
+    for detector, scanner, why in ((False, "livox_hap", "this scan has none"), (True, "elsa", "single photons")):
+        group.detector, group.scanner = detector, scanner
+        with pytest.raises(IcyMoonError, match=why):
+            start()
+    assert len(started) == 2
 
 
 def test_a_rendered_pair_has_its_scan_in_its_own_folder(small, started, monkeypatch):
