@@ -433,9 +433,11 @@ def _describe_ground(built: Built, made: MadeObjects) -> None:
     collection[SITE] = made.site_m
     collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
-    if not made.coarse:  # otherwise the fine ground follows with its own warnings
+    statistics: dict[str, Any] = {}
+    if not made.coarse:  # otherwise the fine ground follows with its own warnings and statistics
         built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
-    collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
+        statistics = describe_patch_statistics(measure_patch(built), settings.terrain)
+    collection[STATISTICS] = json.dumps(statistics)
 
 
 def _link_own_objects(scene: bpy.types.Scene, items: list[bpy.types.Object]) -> None:

@@ -25,8 +25,8 @@ from ..stereo.lidar_view import (
 from ..support.arrays import Array
 from . import measured_surface, painted_errors
 from .built_scene import Built
-from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
+from .datablocks.mesh_arrays import read_property
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import build_material, make_squares, set_colours
 from .rig import find_eye_poses

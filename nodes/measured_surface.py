@@ -19,8 +19,8 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
-from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
+from .datablocks.mesh_arrays import read_property
 from .shown_objects import link_shown, list_shown, remove_shown
 from .tree.builder import Tree
 

@@ -40,8 +40,9 @@ from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .built_scene import Built
-from .datablocks.array_marks import PAINTED, read_property
+from .datablocks.array_marks import PAINTED
 from .datablocks.fingerprint import TAG, find_added_objects, find_instanced_objects
+from .datablocks.mesh_arrays import read_property
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import KINDS, build_material, make_share_lines, set_colours
 from .shown_objects import begin_collection, find_collections, remove_shown
@@ -283,7 +284,8 @@ def _find_painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
 
 
 def read_vertex_positions(mesh: bpy.types.Mesh) -> Array:
-    return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
+    # mesh.vertices has the same, but takes 20 times as long.
+    return read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3).astype(np.float64)
 
 
 def _read_edges(mesh: bpy.types.Mesh) -> Array:

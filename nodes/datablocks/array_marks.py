@@ -8,10 +8,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import DTypeLike
 
 from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
+from .mesh_arrays import read_property
 
 _BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
@@ -70,15 +70,6 @@ def mark_array(values: Array, indices: bool = False) -> str:
         found.update(np.array(sums).tobytes())
     found.update(raw[words.nbytes :].tobytes())
     return found.hexdigest()
-
-
-def read_property(
-    items: bpy.types.bpy_prop_collection, name: str, kind: DTypeLike = np.float32, width: int = 1
-) -> Array:
-    """An array of one property, of ``width`` numbers, of all items of a collection."""
-    values = np.empty(len(items) * width, kind)
-    items.foreach_get(name, values)
-    return values
 
 
 def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:

@@ -16,7 +16,8 @@ import bpy
 
 from ...support.blender import compat
 from ...support.files import hash_file
-from .array_marks import list_attribute_marks, list_mesh_marks, mark_array, read_property
+from .array_marks import list_attribute_marks, list_mesh_marks, mark_array
+from .mesh_arrays import read_property
 from .stored_properties import OF_THE_VIEW, stored_properties
 
 #: Modifiers whose result is in a cache or comes from particles.

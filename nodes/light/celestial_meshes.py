@@ -21,6 +21,7 @@ from ...physics.light.stars import Stars
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.labels import PLANET
+from ..datablocks.mesh_arrays import fill_with_polygons
 from ..tree.builder import Tree
 from .planet_material import build_planet_material
 
@@ -55,9 +56,8 @@ def build_planet(
         former.data.materials[0] = _set_up_far_material(material)
         item = _hold_far_mesh(name, former.data)
     else:
-        faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
         attributes = {TRANSMISSION: shown.transmission}
-        item = _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, attributes, material, dip_deg)
+        item = _build_far_mesh(name, DISTANCE_M * shown.vertices, shown.faces, attributes, material, dip_deg)
     item[DISC] = disc.hexdigest()
     return item
 
@@ -68,7 +68,7 @@ def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bp
     return _build_far_mesh(
         name,
         DISTANCE_M * rings.vertices,
-        rings.faces.tolist(),
+        rings.faces,
         attributes,
         _build_shining_material(name, colour, attributes),
         dip_deg,
@@ -98,21 +98,25 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
     faces = (7 * np.arange(n)[:, None, None] + triangles).reshape(-1, 3)
     attributes = {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)}
     return _build_far_mesh(
-        name, STARS_M * vertices, faces.tolist(), attributes, _build_shining_material(name, np.ones(3), attributes), 0.0
+        name, STARS_M * vertices, faces, attributes, _build_shining_material(name, np.ones(3), attributes), 0.0
     )
 
 
 def _build_far_mesh(
     name: str,
     vertices: Array,
-    faces: list[Any],
+    faces: Array,
     attributes: Mapping[str, Array],
     material: bpy.types.Material,
     dip_deg: float,
 ) -> bpy.types.Object:
-    """A mesh with attributes of its vertices that only the camera sees, cut at the horizon."""
+    """A mesh with attributes of its vertices that only the camera sees, cut at the horizon. ``faces`` (m, 3 or 4)
+    that end where they begin have a corner less."""
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices.tolist(), [], faces)
+    kept = np.ones(faces.shape, bool)
+    kept[:, -1] = faces[:, -1] != faces[:, 0]
+    fill_with_polygons(mesh, vertices, faces[kept], kept.sum(axis=1))
+    mesh.shade_flat()
     for key, values in attributes.items():
         kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
         mesh.attributes.new(key, kind, "POINT").data.foreach_set(field, values.ravel().astype(np.float32))
