@@ -1584,7 +1584,7 @@ LONGEST_S = {
     "preset": 4.2,
     "build": 3.0,
     "slider of the ground": 0.9,
-    "slider of the Sun": 0.3,
+    "slider of the Sun": 0.4,
     "slider of the surface": 0.45,
     "render": 0.5,
     "evaluate": 0.5,
