@@ -43,6 +43,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=as_path, help="folder for the returns (of a pair: its own folder)")
     parser.add_argument(
+        "--convert",
+        type=as_path,
+        metavar="FOLDER",
+        help="scan nothing, and write the points of the scan in this folder in the formats that are given",
+    )
+    parser.add_argument(
         "--position", type=float, nargs=3, metavar=("X", "Y", "Z"), help="the sensor in metres east, north and up"
     )
     parser.add_argument(
@@ -90,12 +96,28 @@ def find_lidar(name: str) -> Path:
 
 
 def _run_lidar(options: argparse.Namespace) -> int:
-    file = find_lidar(options.lidar).absolute()
-    request = _make_request(options)
-    lidar = request.read_scanner(file)
     kinds = [kind for kind in _FORMATS if getattr(options, kind)]
     for reason in filter(None, map(check_format, kinds)):
         raise IcyMoonError(reason)
+    return _scan(options, kinds) if options.convert is None else _convert(options, kinds)
+
+
+def _convert(options: argparse.Namespace, kinds: list[str]) -> int:
+    """Write the points of an earlier scan in the formats ``kinds``. Raises IcyMoonError without a format, and for
+    options of a new scan."""
+    if not kinds:
+        raise IcyMoonError(f"--convert has no format; give {' or '.join(f'--{kind}' for kind in _FORMATS)}.")
+    if options.pair or options.out or options.preset or options.settings or options.overrides or options.waveforms:
+        raise IcyMoonError("--convert scans nothing; leave the pair, --out, the settings and --waveforms out.")
+    for kind in kinds:
+        say(str(write_scan(options.convert, kind)))
+    return 0
+
+
+def _scan(options: argparse.Namespace, kinds: list[str]) -> int:
+    file = find_lidar(options.lidar).absolute()
+    request = _make_request(options)
+    lidar = request.read_scanner(file)
     planned, out = _find_ground(options)
     if "ice" not in request.without:
         find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, request.grain_m, request.density_kg_m3)

@@ -31,10 +31,18 @@ def add_design_options(command: argparse.ArgumentParser) -> None:
         help="folder of the rows and the report; rows that are there are kept",
     )
     command.add_argument(
-        "--grounds", type=int, default=60, metavar="N", help="grounds of the design's terrains (%(default)s)"
+        "--grounds",
+        type=int,
+        default=60,
+        metavar="N",
+        help=f"grounds of the design's terrains, {_FEWEST_GROUNDS} or more (%(default)s)",
     )
     command.add_argument(
-        "--landforms", type=int, default=30, metavar="N", help="grounds of held-out landforms (%(default)s)"
+        "--landforms",
+        type=int,
+        default=30,
+        metavar="N",
+        help=f"grounds of held-out landforms, {_FEWEST_GROUNDS} or more (%(default)s)",
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all grounds (%(default)s)")
     command.add_argument(

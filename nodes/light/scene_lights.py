@@ -97,8 +97,8 @@ def change_lights(
 ) -> list[bpy.types.Object]:
     """Change an existing Sun to the settings, and make the other lights again.
 
-    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. ``keeps_disc``
-    says whether a planet of the same disc keeps its mesh.
+    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. With
+    ``keeps_disc`` a planet of the same disc keeps its mesh.
     """
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]

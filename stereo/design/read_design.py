@@ -231,7 +231,7 @@ def _read_suite(table: Mapping[str, Any], base: Settings, lamp: LampPlace | None
     _refuse_idle_settings(own, f"suite {name}", path)
     suns = table.get("suns", 1)
     if not 1 <= suns <= MOST_SUNS:
-        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {MOST_SUNS}, the number of its pairs of images.")
+        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {MOST_SUNS}, the number of its pairs in sunlight.")
     settings = merged(defaults(), base, own)
     _check_camera(settings, where)
     method = _read_method(table["method"], where)

@@ -102,7 +102,7 @@ def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]
     design = study.design
     own, landforms = (collect(design, sort_rows(rows, split)) for split in (OWN, LANDFORM))
     bounds = compare(own)
-    ranked = len(design.suites) > 1 and landforms.grounds and own.grounds
+    ranked = len(design.suites) > 2 and landforms.grounds and own.grounds
     ranking = compare_rankings(own.loss, landforms.loss, seed) if ranked else None
     suites = _list_suites(design, own, landforms, bounds) if own.grounds else []
     return {

@@ -63,7 +63,7 @@ _RETURN_NAMES = (
     "time_s",
 )
 #: Arrays of scans with a detector or ice.
-_SENSED_NAMES = ("measured_range_m", "measured_electrons", "ice_edge_m")
+_SENSED_NAMES = ("measured_range_m", "measured_electrons", "ice_delay_m", "ice_edge_m")
 _ALARM_NAMES = ("false_beam", "false_range_m", "false_point_m")
 #: Arrays of scans with waveforms.
 _WAVE_NAMES = tuple(each.name for each in fields(Waves))
@@ -141,7 +141,7 @@ def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
             part["number"][kept],
             part["row"][kept],
             part["time_s"][kept],
-            part.get("ice_edge_m", np.zeros(len(kept)))[kept],
+            part.get("ice_delay_m", part.get("ice_edge_m", np.zeros(len(kept))))[kept],
             waves=_find_waves(part, facts, kept),
         )
     names = (*_ALARM_NAMES, *(f"false_{name}" for name in waves))

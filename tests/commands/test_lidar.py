@@ -10,6 +10,7 @@ from icymoon.commands.lidar import find_lidar
 from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.preset_files import LIDARS, lidar_names
 from icymoon.settings.user_files import hash_content
+from lidar_scans import write_folder
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,35 @@ def test_ground_of_a_users_file_is_planned_with_its_content(tmp_path, monkeypatc
     settings = asked[0].settings
     assert asked[0].id == make_pair_id(settings, hash_content(settings))
     assert asked[0].id != make_pair_id(settings, "")
+
+
+def test_a_scan_that_is_there_is_written_in_other_formats(tmp_path, capsys):
+    folder = write_folder(tmp_path / "scan", measured=True)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert main(["lidar", "--convert", str(folder), "--ply"]) == 0
+    assert capsys.readouterr().out.strip() == str(folder / "lidar.ply")
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "lidar.ply"} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        ([], "--convert has no format"),
+        (["--ply", "--out", "other"], "--convert scans nothing"),
+        (["--ply", "--preset", "europa_chaos"], "--convert scans nothing"),
+        (["--ply", "--waveforms", "64"], "--convert scans nothing"),
+    ],
+)
+def test_a_conversion_takes_formats_alone(words, part, tmp_path, capsys):
+    folder = write_folder(tmp_path / "scan", measured=True)
+    assert main(["lidar", "--convert", str(folder), *words]) == 1
+    assert part in capsys.readouterr().err
+    assert not (folder / "lidar.ply").exists()
+
+
+def test_a_conversion_needs_a_scan(tmp_path, capsys):
+    assert main(["lidar", "--convert", str(tmp_path), "--ply"]) == 1
+    assert "lidar.json is missing" in capsys.readouterr().err
 
 
 def test_each_shipped_scanner_is_found_by_its_name():

@@ -30,7 +30,7 @@ def test_points_lie_where_they_were_measured_with_their_values(tmp_path):
     assert shown.point_m[order[:2]] == pytest.approx(POSE.position_m + ALONG[[0, 2]] * [[2.5], [4.25]])
     assert shown.error_m[order[:2]] == pytest.approx([0.625, 0.375])
     assert shown.order[order].tolist() == [1, 1, 0]  # the last is a false alarm
-    assert shown.ice_m[order].tolist() == [0.01, 0.03, 0.0]
+    assert shown.ice_m[order].tolist() == [0.04, 0.06, 0.0]
     assert (shown.total, shown.title) == (3, "Test")
 
 

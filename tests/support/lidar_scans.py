@@ -52,7 +52,15 @@ def write_folder(folder: Path, measured: bool, place: dict[str, Any] | None = No
     }
     beside = {
         "ice_edge_m": np.array([0.01, 0.02, 0.03]),
-        **({"measured_range_m": MEASURED_M, "measured_electrons": np.array([50.0, 0, 1e6])} if measured else {}),
+        **(
+            {
+                "measured_range_m": MEASURED_M,
+                "measured_electrons": np.array([50.0, 0, 1e6]),
+                "ice_delay_m": np.array([0.04, 0.05, 0.06]),
+            }
+            if measured
+            else {}
+        ),
     }
     alarms = Alarms(np.array([4]), np.array([9.0]), POSE.position_m[None] + [0, 9.0, 0]) if measured else None
     with ReturnWriter(folder, PATTERN) as writer:
