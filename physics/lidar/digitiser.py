@@ -89,7 +89,7 @@ def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: 
     is shorter. Raises IcyMoonError without an analog receiver."""
     if detector is None:
         raise IcyMoonError(
-            "A waveform is what a detector receives, and this scan has none; choose a scanner with a detector, "
+            "A waveform needs a detector, and this scan has no detector; choose a scanner with one, "
             "do not leave the detector out, or ask for no waveforms."
         )
     if isinstance(detector, PhotonCounter):

@@ -99,7 +99,7 @@ def make_snow(
         raise IcyMoonError(f"The grain radius is {grain_radius_m:g} m; give more than 0 and at most 0.1 m.")
     if not 0.0 < density_kg_m3 <= ICE_KG_M3:
         raise IcyMoonError(
-            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most that of ice, {ICE_KG_M3:g}."
+            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most {ICE_KG_M3:g}, as ice has."
         )
     share = density_kg_m3 / ICE_KG_M3
     return Medium(

@@ -133,8 +133,8 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
                 left = {tuple(text for text, key in zip(row, differ, strict=True) if key not in lost) for row in rows}
                 if len(left) < len(rows):
                     raise IcyMoonError(
-                        f"{later.place}: this sweep sets {', '.join(sorted(keys))}, without which some "
-                        f"variations of that of {earlier.place} are the same; leave one of the two "
+                        f"{later.place}: this sweep sets {', '.join(sorted(keys))}, so some variations of the "
+                        f"sweep at {earlier.place} are the same; leave one of the two "
                         f"out{_replace_hint(earlier, later)}."
                     )
                 known.add(lost)
