@@ -1,7 +1,7 @@
 """The folder of an asset library of Blender: .blend files, their catalogs, and a record of the files that we wrote.
 
-The user may put files of their own into the folder. Only files that the record lists are replaced and removed, and the
-record is checked first. Imports no Blender.
+The user may put other files into the folder. Only files that the record lists are replaced and removed, and the record
+is checked first. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def install_library(made: Path, folder: Path) -> list[Path]:
     listed = sorted({*names, *(path.relative_to(folder).as_posix() for path in earlier)})
     write_json(
         folder / RECORD_FILE, {"made_with": version(), "files": listed}
-    )  # before the files, so that none is unknown
+    )  # before the files, so that it lists each of them
     for name in names:
         write_atomically(folder / name, partial(_copy, made / name))
     new = [folder / name for name in names]

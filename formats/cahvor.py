@@ -79,7 +79,7 @@ class Cahvor:
     def pinhole(self) -> tuple[Array, Array]:
         """K (3, 3) and the rotation (3, 3) from world axes to the camera's, x right, y down, z forward.
 
-        Raises IcyMoonError for pixels that are no rectangles.
+        Raises IcyMoonError for pixels that are not rectangles.
         """
         hc, vc = float(self.h @ self.a), float(self.v @ self.a)
         right, down = self.h - hc * self.a, self.v - vc * self.a

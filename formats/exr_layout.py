@@ -73,7 +73,7 @@ class Channel:
 class Part:
     """One part of an EXR file. ``values`` are its attributes by name; ``stated`` are the same with name, type, size and
     value as in the file. ``window`` is its data window (left, top, right, bottom), both ends included. ``places``
-    (chunks, 2) are the first byte of each chunk, after the number of the part, and its end."""
+    (chunks, 2) are the offsets of each chunk's first byte after the part's number, and of its end."""
 
     values: Mapping[bytes, bytes]
     stated: Mapping[bytes, bytes]

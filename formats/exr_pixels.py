@@ -27,7 +27,7 @@ _FLOAT_TYPE = 2
 _NUMPY_TYPES = {_HALF_TYPE: "<f2", _FLOAT_TYPE: "<f4"}
 #: Largest RMS change by rounding to 16 bits, relative to the values, if no value is too small for 16 bits.
 _MOST_ROUNDING = 2.0**-11
-#: Bytes after a channel's name in a header, by type: without perceptual compression, a value for every pixel.
+#: Bytes after a channel's name in a header, by type. They state no perceptual compression, and a value for every pixel.
 _CHANNEL_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _NUMPY_TYPES}
 
 

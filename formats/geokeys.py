@@ -13,9 +13,10 @@ from typing import Any
 from .tiff import Tags
 
 _DIRECTORY, _DOUBLES, _TEXT = 34735, 34736, 34737
-#: Most numbers and letters of the tags that are kept: systems have some hundreds.
+#: Most numbers and letters that are kept of the tags; a system has some hundreds.
 _MOST, _MOST_LETTERS = 4096, 2**16
-#: Keys of the raster and of heights, which a copy states anew: kind of raster, vertical system, its name, datum, unit.
+#: Keys that are not copied because the copy states its own: kind of raster, and vertical system with name, datum and
+#: unit.
 _RASTER_TYPE, _OF_HEIGHTS, _VERTICAL_UNIT, _METRE = 1025, (4096, 4097, 4098, 4099), 4099, 9001
 _LARGEST_SHORT = 65535
 #: Vertical systems of Earth whose heights go up, and their unit, although a file may state their number only.

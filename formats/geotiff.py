@@ -165,7 +165,8 @@ _USER_DEFINED = 32767
 #: Radii of one body in maps of several sources differ by less than this share.
 _SAME_BODY = 0.01
 _PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
-#: A turned grid counts as one along the axes if its rotation moves no pixel by more than this over the whole length.
+#: A turned grid counts as lying along the axes if its rotation moves no pixel by more than this number of pixels, over
+#: the whole length.
 _MOST_TURN_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
 _STATE_UNITS_OPTION = "-co GEOTIFF_VERSION=1.0"
@@ -175,11 +176,12 @@ _CUT_MARGIN = 1.1
 
 @dataclass(frozen=True)
 class Site:
-    """The requested part of a map: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of ground
-    from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
+    """The requested part of a map: ``size_m`` metres of ground around an origin. With ``centre``, ``origin_m`` (east,
+    north) is the origin's distance in metres of ground from the middle of the map; otherwise it is the origin's map
+    coordinates in metres.
 
-    ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
-    With a ``point`` the origin is ``origin_m`` of ground from it.
+    ``body_radius_m`` is the radius of the site's body, for a file in degrees that states no radius; 0 if unknown. With
+    a ``point``, the origin is ``origin_m`` metres of ground from that point.
     """
 
     centre: bool
@@ -215,10 +217,10 @@ class MapPlace:
 
     A point at (x, y) metres east and north of the origin has the map coordinates ``origin`` + (x / ``scale[0]``, y /
     ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
-    PROJ takes it, empty if the file states none that is known here; ``datum`` its geographic system or ellipsoid, and
+    PROJ takes it, empty if the file states no supported system; ``datum`` its geographic system or ellipsoid, and
     ``height_system`` the vertical system that the file states, empty if it states none. ``north_deg`` is the angle from
-    the map's up to north, clockwise. ``geokeys`` are the GeoKeys of the file as it has them, for files that are
-    written in the same system, and ``bounds`` the outer edges of the map in the file's unit.
+    the map's up to north, clockwise. ``geokeys`` are the GeoKeys of the file as it has them, for files that are written
+    in the same system, and ``bounds`` the outer edges of the map in the file's unit.
     """
 
     crs: str
@@ -271,7 +273,7 @@ class GeoTiff:
 
 
 def read(path: Path, site: Site | None = None, missing: float | None = None) -> GeoTiff:
-    """Read a one-band elevation model; of a large one only the part that the ``site`` needs.
+    """Read a one-band elevation model; from a large file only the part that the ``site`` needs.
 
     ``missing`` is a value of the file, before scale and unit, that marks missing heights, beside the file's own marks.
     Raises IcyMoonError, with the fix, if the file cannot be read.
@@ -376,7 +378,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
 
 @dataclass(frozen=True)
 class _Placed:
-    """A window of a map (rows, columns in the file's order), the size of its pixels and where it lies."""
+    """A window of a map (rows, columns in the file's order), the size of its pixels, and its position."""
 
     window: tuple[range, range] | None
     pixel_m: tuple[float, float]
@@ -622,8 +624,8 @@ def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
 
 
 def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
-    """Convert the values to metres in place, by the scale, offset and unit that the file states; a report of it, and
-    whether the file states a unit.
+    """Convert the values to metres in place, by the scale, offset and unit that the file states. Returns sentences on
+    the conversion, and whether the file states a unit.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """

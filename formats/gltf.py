@@ -27,7 +27,7 @@ _MOST_NODES = 50_000
 _DEEPEST_NODE = 500
 #: Maximum number of uses of each byte of the buffers.
 _MOST_USES_OF_BYTE = 64
-#: Bytes that may be used besides.
+#: Further bytes that may be used, whatever the size of the buffers.
 _MOST_FREE_BYTES = 2**28
 #: Bytes of a number by the type of component.
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}

@@ -62,8 +62,8 @@ def parse_ies(foreign: ForeignBytes) -> IntensityTable:
 
 
 def make_table(vertical_deg: Array, horizontal_deg: Array, values: Array) -> IntensityTable:
-    """The table of all directions from angles and intensities as a file has them, which may leave out planes that
-    follow by symmetry and the dark half. Raises ValueError for angles or intensities that type C does not have."""
+    """The table of all directions from a file's angles and intensities. A file may omit planes that follow by symmetry,
+    and the dark half. Raises ValueError for angles or intensities that type C does not allow."""
     for name, angles in (("vertical", vertical_deg), ("horizontal", horizontal_deg)):
         if (np.diff(angles) <= 0).any():
             raise ValueError(f"its {name} angles do not increase")
@@ -76,7 +76,7 @@ def make_table(vertical_deg: Array, horizontal_deg: Array, values: Array) -> Int
 
 
 def _complete_planes(angles: Array, values: Array) -> tuple[Array, Array]:
-    """The planes from 0 to 360 degrees, by the symmetry that the last angle stands for."""
+    """The planes from 0 to 360 degrees, by the symmetry that the first and last angle indicate."""
     if len(angles) == 1 and angles[0] == 0:
         return angles, values
     first, last = float(angles[0]), float(angles[-1])
@@ -122,8 +122,8 @@ def write_for_cycles(table: IntensityTable) -> str:
     """An IES file whose strength in Cycles is 4π times the table's intensity over its flux, so that a point lamp with
     it sends out its power.
 
-    Cycles interpolates by curves, so the angles are close together. It counts horizontal angles clockwise from the
-    luminaire's lower side, where the table's begin at its right.
+    Cycles interpolates by curves, so the angles are close together. Cycles counts horizontal angles clockwise from the
+    luminaire's lower side; the table counts them from its right side.
     """
     vertical = np.linspace(0.0, 180.0, round(180 / _VERTICAL_STEP_DEG) + 1)
     around = 1 if len(table.horizontal_deg) == 1 else round(360 / _HORIZONTAL_STEP_DEG) + 1

@@ -85,9 +85,9 @@ _SHAPE: dict[str, Any] = {"lidar": _LIDAR_SHAPE, "sources": Maybe(Each(TEXT, TEX
 
 @dataclass(frozen=True)
 class LidarFile:
-    """A laser scanner, its title, and where it looks unless a pose is stated: along the cameras (CAMERA), or level
-    along their heading (LEVEL); its detector, None without one, and the width in nm of the filter before it (0: none
-    stated)."""
+    """A laser scanner, its title, and its direction unless a pose is stated: along the cameras (CAMERA), or level along
+    their heading (LEVEL). ``detector`` is None for a scanner without a detector; ``filter_nm`` is the width of the
+    filter before it (0: not stated)."""
 
     title: str
     instrument: Instrument
@@ -198,7 +198,8 @@ def _make_instrument(values: Mapping[str, Any]) -> Instrument:
 def change_lidar(
     lidar: LidarFile, rows: int | None, columns: int | None, rays: int | None, returns: Reported | None
 ) -> LidarFile:
-    """The scanner with another number of beams, of rays of a beam, or other returns; None leaves what it has."""
+    """The scanner with another number of rows, columns or rays per beam, or other reported returns; None keeps its own
+    value."""
     own = lidar.instrument
     pattern = replace(
         own.pattern,

@@ -28,9 +28,9 @@ from .wave_packets import count_packet_bytes
 ROWS_AT_ONCE = 2**16
 #: Bytes that are copied at once.
 _COPIED_AT_ONCE = 2**22
-#: Bytes of a return with detector and ice on the disk while its file is written: its arrays, and their copy.
+#: Bytes on the disk for a return with detector and ice while its file is written: its arrays, and their copy.
 _BYTES_A_RETURN = 2 * 220
-#: The same of its place among the waveforms.
+#: The same for the return's place among the waveforms.
 _BYTES_A_WAVE = 2 * 17
 _FIX = "scan the scene again"
 #: End of the names of arrays with three columns.
@@ -57,8 +57,8 @@ class ReturnWriter:
     ``time_s`` of each return's beam, and of false alarms ``false_beam``, ``false_range_m`` and ``false_point_m``; with
     waveforms the fields of ``Waves`` of both.
 
-    Arrays grow in nameless files on the same disk, since their lengths come before them in the file; so it takes twice
-    the room of the file for a moment.
+    Arrays first grow in nameless files on the same disk, because an npz states an array's length before its values. So
+    the disk briefly needs twice the size of the file.
     """
 
     def __init__(self, folder: Path, pattern: ScanPattern) -> None:
@@ -73,8 +73,8 @@ class ReturnWriter:
         alarms: Alarms | None = None,
         waves: tuple[Waves, Waves] | None = None,
     ) -> None:
-        """Append returns (k,), arrays (k,) beside them, false alarms (None: of a scan without a detector), and where
-        the waveforms of both are. Raises IcyMoonError if the disk refuses."""
+        """Append returns (k,), further arrays (k,) by name, false alarms (None for a scan without a detector), and the
+        packets of both in the waveforms. Raises IcyMoonError if the disk refuses."""
         row, column, time_s = find_cells(returns.beam, self._pattern)
         arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)} | beside
         arrays |= {"row": row, "column": column, "time_s": time_s}
@@ -131,7 +131,7 @@ def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
 
 
 def read_returns(path: Path, names: Sequence[str], rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
-    """Arrays of a ``lidar.npz`` by their names, ``rows`` entries at a time; those that it lacks are left out.
+    """Arrays of a ``lidar.npz`` by their names, ``rows`` entries at a time; names that the file lacks are left out.
 
     Points have three columns, other arrays one, so a part needs little memory whatever the file states. Raises
     IcyMoonError if the file is damaged, has arrays of other shapes, or arrays of different lengths.

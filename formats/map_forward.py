@@ -42,7 +42,7 @@ def _transverse_mercator(s: MapSystem, longitude: float, latitude: float) -> tup
 def _make_azimuthal(
     radius: Callable[[MapSystem, float], float],
 ) -> Callable[[MapSystem, float, float], tuple[float, float]]:
-    """A projection about a point, from the distance on the map of an angle on the sphere."""
+    """A projection about a point; ``radius`` returns the distance on the map of an angle on the sphere."""
 
     def forward(s: MapSystem, longitude: float, latitude: float) -> tuple[float, float]:
         origin = math.radians(s.latitude_deg)
@@ -81,7 +81,8 @@ def _cylindrical_equal_area(s: MapSystem, longitude: float, latitude: float) -> 
     return k * longitude, math.sin(latitude) / k
 
 
-#: From longitude from the central one and latitude, in radians, to the place on the map in radii of the sphere.
+#: Converts longitude, counted from the central meridian, and latitude, in radians, to the place on the map in radii of
+#: the sphere.
 _FORWARDS: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = {
     "Mercator": _mercator,
     "Equidistant cylindrical": _equirectangular,

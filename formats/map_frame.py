@@ -21,12 +21,12 @@ _VERTICAL = 1e-6
 
 @dataclass(frozen=True)
 class MapFrame:
-    """Where a site is on a map: the map coordinates of its origin in metres, metres of ground per metre of map along x
-    and y, metres per unit of the file, and the height in the file's system at z = 0.
+    """The position of a site on a map: the map coordinates of its ``origin`` in metres, metres of ground per metre of
+    map along x and y, metres per unit of the file, and the height in metres, in the file's system, at z = 0.
 
-    ``bounds`` are the outer edges of the file (west, south, east, north) in its unit; ``system`` is None for a
-    projection that is not known here. ``body_radius_m`` is the radius of the body whose curvature the ground has; 0 for
-    ground that is as flat as its map.
+    ``bounds`` are the outer edges of the file (west, south, east, north) in its unit; ``system`` is None for an
+    unsupported projection. ``body_radius_m`` is the radius of the body whose curvature the ground has; 0 for ground
+    that is as flat as its map.
     """
 
     origin: tuple[float, float]
@@ -39,7 +39,7 @@ class MapFrame:
     body_radius_m: float = 0.0
 
     def find_drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """Depth in metres of the ground of height zero below z = 0, at points of the site."""
+        """Depth in metres below z = 0 of the body's surface at height 0, at points of the site."""
         away_m = np.hypot(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         return drop_m(away_m, self.body_radius_m) if self.body_radius_m > 0 else np.zeros(away_m.shape)
 
@@ -61,7 +61,7 @@ class MapFrame:
         Azimuths are clockwise, of the optical axis, or of the image's upper edge if the camera looks straight up or
         down. ``azimuth_grid_deg`` is counted from the map's up, on the map; ``azimuth_true_deg`` from north, on the
         ground; ``convergence_deg`` is the angle, clockwise, from the map's up to north at the camera. The true azimuth
-        is None where the projection is not known.
+        is None for an unsupported projection.
         """
         x, y, z = (float(value) for value in pose[:3, 3])
         easting, northing = (float(value) for value in self.to_map(x, y))
@@ -86,7 +86,7 @@ class MapFrame:
 
 
 def map_frame_from_json(ground: object) -> MapFrame | None:
-    """The frame of the entry ``ground`` of a ``pair.json``; None if it is on no map whose system it states."""
+    """The frame of the entry ``ground`` of a ``pair.json``; None if the entry states no map system."""
     place = ground.get("map") if isinstance(ground, Mapping) else None
     if not isinstance(place, Mapping):
         return None
@@ -111,6 +111,6 @@ def map_frame_from_json(ground: object) -> MapFrame | None:
 
 
 def describe_cameras(ground: object, poses: Mapping[str, Array]) -> dict[str, Any]:
-    """Each camera of a pair in map terms, by its name; empty if the ground is on no map whose system is stated."""
+    """Each camera of a pair in map coordinates, by its name; empty if the ground states no map system."""
     frame = map_frame_from_json(ground)
     return {name: frame.describe_camera(np.asarray(pose, np.float64)) for name, pose in poses.items()} if frame else {}

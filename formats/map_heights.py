@@ -33,16 +33,17 @@ _BLOCK_PIXELS, _KEPT_PIXELS = 2**21, 2**23
 _BLOCK_WIDTH = 4096
 #: Places along a side of a level at which a projection is computed; between them it is taken for bilinear.
 _PLACES = 33
-#: Finest step in pixels of the means from which heights on another projection are interpolated, and most of them along
-#: a side.
+#: For a map in another projection, heights are interpolated from a grid of means: its finest step in pixels, and the
+#: most means along a side.
 _FINEST_STEP, _MOST_STEPS = 0.125, 4096
-#: Half of the narrowest square in pixels: heights between pixels are bilinear, so a narrower one has the same mean.
+#: Half the width of the narrowest square, in pixels. Heights between pixels are bilinear, so a narrower square has the
+#: same mean.
 _LEAST_HALF = 1 / 32
-#: Pixels by which a site on the edge of a map may be beyond it.
+#: Tolerated distance in pixels of a site beyond the edge of a map, by rounding.
 _ROUNDED = 1e-6
-#: Cells of a level by which its bilinear projection may be off.
+#: Largest error of a level's bilinear projection, in cells of the level.
 _MOST_BENT_CELLS = 0.5
-#: Widths of a cell over which the known share of the map is taken, at least.
+#: Least width of the squares over which the known share of the map is taken, in cells.
 WIDE_CELLS = 4.0
 
 
@@ -75,8 +76,8 @@ class MapPixels:
     (column, row) from the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which
     divides a window into pieces for ``read``.
 
-    ``way`` leads from metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
-    end of a sentence about a map for which it cannot be followed.
+    ``way`` converts metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
+    end of the sentence about a map around which this conversion fails.
     """
 
     shape: tuple[int, int]
@@ -116,7 +117,8 @@ def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: fl
 
 
 def read_cover(path: Path, frame: MapFrame) -> MapCover:
-    """The extent of a map about the site of ``frame``, by its tags. Raises IcyMoonError as ``read_means``."""
+    """The extent of a map about the site of ``frame``, from the file's tags. Raises IcyMoonError as ``read_means``
+    does."""
 
     def parse(foreign: ForeignBytes) -> MapCover:
         grant_memory(foreign)
@@ -136,8 +138,8 @@ def read_means(
     """The means of a map over the cells of ``levels``, see ``measure_levels``.
 
     ``missing`` marks missing values beside the file's own marks; ``height_scale`` multiplies the heights. Raises
-    IcyMoonError for a file that is no height map, without a place, of another body, in a projection that is not known
-    here or bent around the site, and for one that does not contain the site.
+    IcyMoonError for a file that is not a height map, has no place, is of another body, has an unsupported projection,
+    is bent around the site, or does not contain the site.
     """
 
     def parse(foreign: ForeignBytes) -> MapMeans:
@@ -202,8 +204,8 @@ class _FileBlocks:
 
 
 def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
-    """Parts of a range, cut at multiples of ``step``; counted from the other edge of ``turned`` pixels unless it is
-    0."""
+    """Parts of a range, cut at multiples of ``step``. With ``turned``, the number of pixels, multiples count from the
+    other edge."""
     there = reverse_range(wanted, turned) if turned else wanted
     start = there.start
     while start < there.stop:
@@ -244,7 +246,7 @@ def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
 
 
 def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
-    """From metres around the site to columns and rows of the centres of pixels."""
+    """The conversion from metres around the site to columns and rows, counted from pixel centres."""
 
     def to_pixel(x_m: float, y_m: float) -> tuple[float, float]:
         x, y = _try_way(way, frame.origin[0] + x_m / frame.scale[0], frame.origin[1] + y_m / frame.scale[1])
@@ -264,9 +266,9 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
 def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) -> list[LevelMeans]:
     """The mean heights of a map over the cell around each point of each level.
 
-    The known share is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. On another
-    projection cells lie along the axes of the map and are as wide as the cells of the level are there. Raises
-    UnreadError for a map that is bent or torn around the site.
+    The known share is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In another projection,
+    cells lie along the axes of the map and are as wide there as the level's cells. Raises UnreadError for a map that is
+    bent or torn around the site.
     """
     found: list[LevelMeans] = []
     for level in reversed(levels):
@@ -315,8 +317,8 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 
 @dataclass(frozen=True)
 class _Places:
-    """The squares of the means, and the position of the level's points among them, in steps (column, row); None where
-    both coincide."""
+    """The squares of the means, and the positions ``at`` (column, row) of the level's points, in steps between squares;
+    None if points and squares coincide."""
 
     squares: Squares
     at: tuple[Array, Array] | None

@@ -1,8 +1,8 @@
 """An image of the ground that is georeferenced by its own coordinate system: a GeoTIFF of one band, such as an
 ortho-albedo.
 
-In the coordinate system of the ground its pixels stay as they are. From another projection of the same body they are
-interpolated, bilinearly, on cells as wide as they are.
+In the coordinate system of the ground its pixels stay unchanged. In another projection of the same body they are
+interpolated bilinearly to cells of the pixels' width.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from .tiff import FIX, KIND, MOST_BYTES, UnreadError, grant_memory
 _BESIDE, _MOST_PIXELS = 2, 2**26
 #: Most pixels along a side of the image beyond the patch.
 _MOST_SEEN = 2048
-#: Cells between the places at which a projection is computed; between them it is taken for bilinear. A map of pixels of
-#: 100 m then is off by less than 0.01 of them on the smallest moons.
+#: Number of cells between the places at which a projection is computed; between these it is taken for bilinear. A map
+#: with pixels of 100 m is then off by less than 0.01 pixels on the smallest moons.
 _LATTICE = 16
 _Box = tuple[float, float, float, float]
 
@@ -51,8 +51,8 @@ def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0
     """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over a square of
     ``seen_m``, limited to ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
 
-    Raises IcyMoonError for a file without a place, of another body or in a projection that is not known here, and for
-    one that does not reach the ground.
+    Raises IcyMoonError for a file without a place, of another body, in an unsupported projection, or that does not
+    reach the ground.
     """
     return read(path, lambda foreign: _read(foreign, frame, size_m, seen_m), KIND, FIX, MOST_BYTES)
 

@@ -19,7 +19,7 @@ _NO_SYSTEM = "states no coordinate system, so it has no longitudes"
 _WGS84_M = (6378137.0, 6356752.314245)
 #: Relative difference of the half axes of a sphere, as writers round it.
 _SPHERE = 1e-9
-#: Share of a map's size by which a place on its edge may be beyond it.
+#: Tolerated distance of a place beyond the edge of a map, as a share of the map's size.
 _ROUNDED = 1e-8
 
 
@@ -65,7 +65,7 @@ def find_point(
 ) -> tuple[float, float]:
     """The place of a point in the metres of its map. ``name`` is the file's, for commands.
 
-    Raises UnreadError for a point that is not on the map, and where the longitudes of the map are not known.
+    Raises UnreadError for a point outside the map, and for a map with unknown longitudes.
     """
     if not point.degrees:
         x, y = point.x * extent.unit_m, point.y * extent.unit_m
@@ -95,7 +95,7 @@ def find_point(
 
 
 def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
-    """East longitude of the meridian from which a file counts, if it states it."""
+    """East longitude in degrees of the meridian from which a file counts; 0 if the file states none."""
     stated = keys.get(_MERIDIAN_KEY, 0.0)
     return float(stated) if isinstance(stated, int | float) else 0.0
 

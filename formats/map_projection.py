@@ -71,7 +71,7 @@ class LocalScale:
 
 def find_local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
     """The scale of a map at a place, in map coordinates in metres. A pole, which has every longitude, gets the map's
-    central one. Raises ValueError beyond the map's edge."""
+    central longitude. Raises ValueError beyond the map's edge."""
     longitude, latitude = system.to_sphere(x_m, y_m)
     if math.radians(90.0 - abs(latitude)) * system.radius_m < _AT_POLE_M:
         longitude, latitude = (system.longitude_deg + 180.0) % 360.0 - 180.0, math.copysign(90.0, latitude)
@@ -214,7 +214,8 @@ def _check_latitude(latitude: float) -> float:
     return latitude
 
 
-#: From a place on the map, in radii of the sphere, to longitude from the central one and latitude, in radians.
+#: Converts a place on the map, in radii of the sphere, to longitude, counted from the central meridian, and latitude,
+#: in radians.
 INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = {
     "Mercator": _invert_mercator,
     "Equidistant cylindrical": _invert_equirectangular,
@@ -320,7 +321,7 @@ def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSyst
     longitude = angle * stated(3095, 3080, 3088, 3084)
     first, scale = angle * stated(3078), stated(3092, 3093, otherwise=1.0)
     second = angle * stated(3079, otherwise=stated(3078))
-    if kind == "Polar stereographic":  # the parallel that is true to scale stands for the origin, or the pole does
+    if kind == "Polar stereographic":  # without an origin, the parallel that is true to scale is used, or the pole
         first = first or latitude
         latitude = math.copysign(90.0, first)
     if kind == "Lambert conformal conic" and 3078 not in keys:

@@ -21,11 +21,11 @@ from .map_site import read_site_place
 
 #: Largest distance of ground from the site, over the radius of the body.
 _MOST_REACH = 0.9
-#: Displacement by the map over distance from which on it is a warning.
+#: Ratio of the map's displacement of ground to the distance from the site, above which a warning is given.
 _BENT_SHARE = 0.02
-#: Directions in which a map's displacement is tried.
+#: Number of directions in which a map's displacement is measured.
 _DIRECTIONS = 16
-#: The cover of a map of unknown extent is this wide.
+#: Assumed width in metres of a map of unknown extent.
 _ENDLESS_M = 1e9
 
 
@@ -43,8 +43,8 @@ def plan_surroundings(settings: Settings, covers: Sequence[MapCover]) -> list[Le
 
 
 def plan_from_files(settings: Settings, files: Mapping[str, Path]) -> list[Level]:
-    """``plan_surroundings`` from the tags of the files that the settings name; a map whose pixels only the import knows
-    counts as one of the size of the patch's cells. Raises IcyMoonError if a file cannot be read."""
+    """``plan_surroundings`` from the tags of the files that the settings name; a map whose pixel size is unknown before
+    its import is taken to have pixels as large as the patch's cells. Raises IcyMoonError if a file cannot be read."""
     path, coarse = files["source.file"], files.get("source.surroundings_file")
     terrain, source = settings.terrain, settings.source
     stated_m = float(source.metres_per_pixel) or float(terrain.size_m) / max(int(terrain.resolution) - 1, 1)

@@ -80,7 +80,7 @@ def _check_named(path: Path, file: Path) -> None:
     try:
         is_odd = file.exists() and not (file.is_file() or file.is_dir())
     except (OSError, ValueError):
-        return  # it can be no file
+        return  # the name cannot be a file's
     if is_odd:
         raise IcyMoonError(f"{path}: names {shorten(str(file))!r}, which is not a regular file; {_FIX}.")
 

@@ -119,7 +119,7 @@ def _decode_text(raw: bytes) -> str:
 
 
 def _find_beside(path: Path, name: str) -> Path:
-    """The file that another names: at the stated place, or with the same name in the other's folder."""
+    """The file that the file ``path`` names: at the stated place, or with the same name in the folder of ``path``."""
     stated = path.parent / name.replace("\\", "/")
     moved = path.parent / stated.name
     return moved if moved.is_file() and not stated.is_file() else stated
@@ -222,7 +222,7 @@ def _locate_gltf_image(path: Path, document: dict[str, Any], number: int, channe
 
 
 def _find_binary_start(path: Path) -> int:
-    """Where the binary chunk of a .glb has its first byte, after the JSON and the headers of both."""
+    """Offset in bytes of the binary chunk's data in a .glb, after the JSON and the headers of both chunks."""
     return 28 + int(struct.unpack_from("<I", read_opening(path), 12)[0])
 
 

@@ -1,5 +1,5 @@
-"""A GeoTIFF of one band as georeferenced pixels: windows of it from the south-west, and the conversion from the map of
-the ground to its own map."""
+"""A GeoTIFF of one band as georeferenced pixels: its windows, counted from the south-west, and the conversion from the
+map of the ground to the file's own map."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SAME_BODY, _SPHERE = 0.01, 1e-9
 _MODEL_KEY = 1024
 #: Projections on which a full turn of longitude is the same way along x everywhere.
 _ROUND_THE_BODY = ("Equidistant cylindrical", "Mercator", "Cylindrical equal area")
-#: From a place on the map of the ground to one on another map, in metres.
+#: Converts a place on the map of the ground to a place on another map, both in metres.
 Way = Callable[[float, float], tuple[float, float]]
 
 
@@ -104,7 +104,7 @@ class PlacedImage:
 def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     """The image of a file on its map, for the ground of ``frame``.
 
-    Raises UnreadError for a file without a place, of another body, and in a projection that is not known here.
+    Raises UnreadError for a file without a place, of another body, and in an unsupported projection.
     """
     images = read_directories(foreign)
     image = images[0]
@@ -207,8 +207,8 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
 
 
 def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: Grid) -> Way:
-    """``_find_way`` for two projections of a sphere: longitudes go on beyond the edge of the image's map at 180
-    degrees, and are in the range of the image."""
+    """``_find_way`` for two projections of a sphere. Longitudes continue beyond the edge of the image's map at 180
+    degrees, in the range of the image."""
 
     def apart_deg(longitude_deg: float) -> float:
         return (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0

@@ -590,7 +590,8 @@ def write_cloud(path: Path, names: tuple[str, ...], columns: Array, comments: tu
 def write_cloud_parts(
     path: Path, names: tuple[str, ...], parts: Iterable[Array], count: int, comments: tuple[str, ...] = ()
 ) -> None:
-    """As ``write_cloud``, with ``count`` rows in parts, so that not all are in memory."""
+    """Write points as ``write_cloud`` does, from ``parts`` with ``count`` rows in all, so that memory holds one part at
+    a time."""
     header = [
         "ply",
         "format binary_little_endian 1.0",

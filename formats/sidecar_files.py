@@ -1,7 +1,7 @@
 """Files beside a height map that state its place or the meaning of its numbers, as GDAL and ESRI's programs write them.
 
-Their content is not used. Sentences name the facts that only they state, with the command that writes these into a
-GeoTIFF. World files have six numbers (gdal.org/drivers/raster/wld.html), the others XML
+Their content is not used. Sentences name the facts that only these files state, with the command that writes the facts
+into a GeoTIFF. World files contain six numbers (gdal.org/drivers/raster/wld.html), the others XML
 (gdal.org/user/raster_data_model.html).
 """
 

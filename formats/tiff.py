@@ -130,17 +130,17 @@ class Directory:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns. Raises KeyError if it does not state them."""
+        """Rows and columns. Raises KeyError if the directory does not state them."""
         return int(self.tags[257][0]), int(self.tags[256][0])
 
     @property
     def is_mask(self) -> bool:
-        """Whether it marks the known pixels of the previous image (NewSubfileType, bit 2)."""
+        """Whether the image marks the known pixels of the previous image (NewSubfileType, bit 2)."""
         return bool(self.number(254, 0) & 4)
 
     @property
     def is_reduced(self) -> bool:
-        """Whether it is a smaller copy of another image (NewSubfileType, bit 0)."""
+        """Whether the image is a smaller copy of another image (NewSubfileType, bit 0)."""
         return bool(self.number(254, 0) & 1)
 
 
@@ -239,7 +239,7 @@ def read_pixels(
     for top in range(down.start // height * height, down.stop, height):
         tall = height if tiled else min(height, rows - top)
         length = tall * row_bytes
-        # No compression makes data much longer; what a strip states beyond that is not its own.
+        # No compression makes data much longer, so stated bytes beyond that do not belong to the strip.
         most = 2 * length + 2**16 if packed else length
         rows_there, rows_here = _find_overlap(top, tall, down)
         for place, columns_there, columns_here in columns_of:
@@ -267,7 +267,8 @@ def _make_smaller(image: Directory, wanted: int) -> str:
 
 
 def find_tile_size(image: Directory) -> tuple[int, int]:
-    """Width and height of the tiles or strips; the last strip may be lower. Raises ValueError without no pixels."""
+    """Width and height of the tiles or strips; the last strip may be lower. Raises ValueError for an image or a tile
+    without pixels."""
     rows, columns = image.shape
     if 322 in image.tags:
         width, height = image.number(322, 0), image.number(323, 0)
@@ -356,7 +357,7 @@ def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
 
     def unpack(block: bytes, length: int) -> bytes:
         unpacker = zstandard.ZstdDecompressor(max_window_size=_MOST_UNPACKER_MEMORY)
-        try:  # by a stream, since room for the whole is made as the block states it
+        try:  # by a stream, since otherwise memory is allocated for the size that the block states
             with unpacker.stream_reader(block) as stream:
                 return bytes(stream.read(length))
         except zstandard.ZstdError as error:

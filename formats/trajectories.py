@@ -34,7 +34,7 @@ _STAMP_COLUMNS = {
 }
 #: Prefixes of EuRoC's names of columns, and their replacements.
 _EUROC_NAME_ENDS = {"p_rs_r_": "", "q_rs_": "q"}
-#: Largest deviation of a quaternion's length from 1, or of a matrix from a rotation, that counts as rounding to six
+#: Deviation of a quaternion's length from 1, or of a matrix from a rotation, up to which it counts as rounding to six
 #: digits.
 _MOST_ROUNDING = 1e-5
 #: Largest deviation that is accepted, with a note.
@@ -60,13 +60,13 @@ class Trajectory:
 
 
 def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camera: Array | None = None) -> Trajectory:
-    """The text ``x y z qx qy qz qw`` of a pose (4, 4), with all digits.
+    """Read the poses of a file, in its own world axes and in metres.
 
     ``kind`` is one of ``TRAJECTORY_KINDS``; without it the suffix .csv and the count of numbers in the first line
     decide. ``times`` is a file of stamps, one a line, in place of the file's own. ``camera`` (3, 3) has the camera's
-    axes x right, y down, z forward as columns, in the axes that the file's rotations use; without it these are the
-    camera's own axes. Poses without stamps are a second apart. Raises IcyMoonError, one sentence with the line, for a
-    file without a trajectory.
+    axes x right, y down, z forward as columns, in the axes that the file's rotations use; by default the file's
+    rotations use the camera's own axes. Poses without stamps are a second apart. Raises IcyMoonError, one sentence with
+    the line, for a file without a trajectory.
     """
     axes = np.eye(3) if camera is None else camera
 
@@ -89,7 +89,7 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
 
 
 def format_pose(pose: Array) -> str:
-    """x y z qx qy qz qw of a pose (4, 4), with all digits."""
+    """The text ``x y z qx qy qz qw`` of a pose (4, 4), with all digits."""
     w, x, y, z = quaternion(pose[:3, :3])
     return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
 

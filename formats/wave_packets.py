@@ -1,7 +1,7 @@
 """Packets of waveforms in ``lidar.wdp``, the external waveform data packets of LAS 1.4.
 
-The file is a header of 60 bytes, as of an extended variable length record, and then the samples of one packet after the
-other as numbers of 16 bits, uncompressed: ASPRS, LAS specification 1.4 R15.
+The file has a header of 60 bytes, the header of an extended variable length record. The samples follow, packet after
+packet, as uncompressed 16-bit numbers (ASPRS, LAS specification 1.4 R15).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def _count_to(most: int) -> Kind:
     return Kind(f"a whole number from 0 to {most}", lambda value: COUNT.fits(value) and value <= most)
 
 
-#: What a scan states of its packets. The light in an interval is (stored number - zero) times step times 2^gain, in
-#: electrons; ``gains`` is the number of gains in use.
+#: The facts that a scan states on its packets. The light in an interval is (stored number - zero) times step times
+#: 2^gain, in electrons; ``gains`` is the number of gains in use.
 FACTS_SHAPE = {
     "packets": COUNT,
     "samples": _count_to(2**16),
@@ -47,7 +47,7 @@ FACTS_SHAPE = {
 
 
 def count_packet_bytes(samples: int) -> int:
-    """Bytes of a packet."""
+    """Number of bytes of a packet with this number of samples."""
     return samples * BITS // 8
 
 

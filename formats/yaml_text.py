@@ -253,7 +253,7 @@ def _masked(text: str) -> str:
     while quote_mark := _QUOTE_MARK.search(text, at):
         start = quote_mark.start()
         match = _QUOTED_SCALAR.match(text, start)
-        if match is None:  # an apostrophe; quotes are looked for no further, so that none is looked at twice
+        if match is None:  # an apostrophe; the search ends here, so that no text is searched twice
             break
         parts += [text[at:start], "x" * len(match[0])]
         at = match.end()

@@ -372,7 +372,8 @@ def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
 
 
 def describe_depth(depth_m: float) -> str:
-    """Where a camera is that is too low, in words: its depth under the ground, negative for a height above it."""
+    """The position of a camera that is too low, in words, from its depth in metres under the ground, negative above
+    it."""
     if depth_m >= 0:
         return f"{depth_m:.3g} m under the ground"
     return f"{-depth_m:.2g} m above the ground, less than {LEAST_EYE_HEIGHT_M:g} m"

@@ -39,7 +39,7 @@ def trace_camera(stage: Stage, projection: Projection, pose: Array, near_m: floa
         origin, direction = make_rays_of_pixels(projection, np.stack([column, row], axis=1).astype(np.float64))
         origin, direction = origin @ pose[:3, :3].T + pose[:3, 3], direction @ pose[:3, :3].T
         lost = np.isnan(direction).any(axis=1)
-        direction[lost] = pose[:3, 2]  # any ray; its hit is dropped
+        direction[lost] = pose[:3, 2]  # any direction; the hit is dropped
         # Rays from one place are traced faster.
         start = origin[0] if (origin == origin[0]).all() else origin
         seen = find_first_surface(stage, start, direction, near_m, far_m)

@@ -18,7 +18,7 @@ from .shapes import Hits, World
 
 #: Names of the library on Linux, Windows and macOS.
 _LIBRARY_NAMES = ("libembree4.so.4", "embree4.dll", "libembree4.4.dylib", "libembree4.dylib")
-#: Patterns of its names in packages from PyPI, which add a mark.
+#: Patterns of the library's names in packages from PyPI, which add a suffix.
 _WHEEL_PATTERNS = ("libembree4*.so*", "embree4*.dll", "libembree4*.dylib")
 #: RTC_GEOMETRY_TYPE_TRIANGLE
 _TRIANGLE_GEOMETRY = 0
@@ -100,7 +100,7 @@ def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
             for name, (result, arguments) in _CALLS.items():
                 call = getattr(library, name)
                 call.restype, call.argtypes = result, arguments
-        except (OSError, AttributeError):  # none, or of another version
+        except (OSError, AttributeError):  # the library is missing or has another version
             continue
         return library
     return None

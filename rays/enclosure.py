@@ -10,16 +10,16 @@ from ..support.labels import ROCK, TERRAIN
 from .shapes import World
 from .surface import Tracer
 
-#: Rays that look for the inner sides of surfaces. More than half of those that meet ground or rocks must see them, so
+#: Number of rays. A place is inside if more than half of the rays that meet ground or rocks meet the inner side, so
 #: that a hole or an overhang does not count.
 _RAYS = 96
 
 
 def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
-    """The label of what encloses a place (3,), TERRAIN or ROCK; None in the open.
+    """The label, TERRAIN or ROCK, of the object that encloses a place (3,) in metres; None in the open.
 
-    Triangles of ground and rocks face outward. Rays in all directions that meet most of these from behind began
-    inside."""
+    Triangles of ground and rocks face outward. A place is inside if most rays from it meet such triangles from
+    behind."""
     k = np.arange(_RAYS) + 0.5
     height = 1.0 - 2.0 * k / _RAYS
     level = np.sqrt(1.0 - height**2)
@@ -41,5 +41,5 @@ def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
 
 
 def _determinant(world: World, place: int) -> float:
-    """Of an instance's matrix; negative for a mirrored one, whose normals turn inward."""
+    """The determinant of an instance's matrix; negative for a mirrored instance, whose normals turn inward."""
     return float(np.linalg.det(world.places[place, :3, :3]))

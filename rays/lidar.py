@@ -20,15 +20,15 @@ from .surface import Surface, Tracer, find_surface
 
 #: Number of rays that are traced at a time: about 60 MB for all their data.
 _RAYS_AT_ONCE = 2**17
-#: Distance in metres below which the energy that comes back grows no further.
+#: Distance in metres below which a nearer surface returns no more energy.
 _LEAST_RANGE_M = 1e-6
 
 
 @dataclass(frozen=True)
 class ScannedBeams:
-    """Returns of some consecutive beams as the instrument reports them, arrays (k,) beside them by their names, and
-    the false alarms in these beams (None without a detector); ``beams`` and ``empty`` are the number of beams and of
-    those without a return, ``packets`` the waveforms (None: not asked for)."""
+    """Reported returns (k,) of consecutive beams, further arrays (k,) by name, and the false alarms in these beams
+    (None without a detector). ``beams`` is the number of beams, ``empty`` the number of beams without a return, and
+    ``packets`` are the waveforms, None if they were not requested."""
 
     returns: Returns
     beside: dict[str, Array]
@@ -41,9 +41,9 @@ class ScannedBeams:
 def scan(
     world: World, tracer: Tracer, instrument: Instrument, pose: SensorPose, laws: Mapping[int, Backscatter]
 ) -> Iterator[Returns]:
-    """The returns of a scan that stands still, batch by batch, with points and normals in the world.
+    """The returns of a scan from a sensor that stands still, batch by batch, with points and normals in the world.
 
-    ``laws`` have the reflectance by the label of triangles. Beams without a return have no entry. Raises IcyMoonError
+    ``laws`` state the reflectance by the label of triangles. Beams without a return have no entry. Raises IcyMoonError
     for a label without a law.
     """
     for _, _, found in _trace_batches(world, tracer, instrument, pose, laws):
@@ -60,10 +60,9 @@ def scan_and_measure(
     albedo: AlbedoMap | None = None,
     digitiser: Digitiser | None = None,
 ) -> Iterator[ScannedBeams]:
-    """As ``scan``, with the delay of light in ice and what the detector measures beside the returns. Without ice and
-    detector the returns are those of ``scan``. ``albedo`` makes the reflectance differ from place to place;
-    ``digitiser`` records waveforms of a detector. Raises IcyMoonError as ``scan``, and for a detector that does not
-    fit."""
+    """The returns of ``scan``, with the delay of light in ice and the measurements of a detector beside them.
+    ``albedo`` varies the reflectance from place to place; ``digitiser`` records the waveforms of a detector. Raises
+    IcyMoonError as ``scan`` does, and for a detector that cannot measure with the instrument."""
     measurement = Measurement(instrument, sensing)
     recorder = None if digitiser is None else Recorder(digitiser, measurement)
     for first, end, found in _trace_batches(world, tracer, instrument, pose, laws, albedo):
@@ -89,7 +88,7 @@ def _trace_batches(
     laws: Mapping[int, Backscatter],
     albedo: AlbedoMap | None = None,
 ) -> Iterator[tuple[int, int, Returns]]:
-    """The first beam of each batch, the one after its last, and all returns between."""
+    """For each batch: its first beam, the beam after its last, and all returns of the batch."""
     rays = make_sub_rays(instrument.sub_rays)
     step = max(1, _RAYS_AT_ONCE // len(rays.weight))
     for first in range(0, instrument.pattern.count, step):
@@ -119,8 +118,8 @@ def trace_beams(
     rays: SubRays,
     albedo: AlbedoMap | None = None,
 ) -> Echoes:
-    """What the rays of beams meet; ``axis`` (m, 3) are unit vectors in the sensor's axes. Directions and normals of the
-    result are in the world. For ``albedo`` see ``scan_and_measure``."""
+    """The places where the rays of beams meet surfaces; ``axis`` (m, 3) are unit vectors in the sensor's axes.
+    Directions and normals of the result are in the world. For ``albedo`` see ``scan_and_measure``."""
     own = spread_beams(axis, rays, instrument.half_angle_rad)
     shape = own.shape[:2]
     direction = own.reshape(-1, 3) @ pose.rotation.T

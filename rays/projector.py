@@ -14,15 +14,16 @@ from .surface import find_surface
 
 #: Width in pixels of the filter of images: Cycles' Blackman-Harris filter of the width 1.5 ends 1.5 pixels away.
 _FILTER_PX = 3.0
-#: Share of the way to the projector, at its end at the ground, in which nothing blocks.
+#: Share of the way from the ground to the projector, counted from the ground, in which no occluder counts.
 _CLEARANCE = 1e-5
 
 
 @dataclass(frozen=True)
 class ProjectedEye:
-    """What an eye sees of a projector. ``share`` (count, rows, columns) float32 is the direct light of each pattern
-    over that of a lamp with its intensity in the whole cone around its field, 0 in shadow. ``place`` (rows, columns, 2)
-    float32 are the coordinates of the projector that light the middle of each pixel, NaN in shadow."""
+    """A projector's light in the image of an eye. ``share`` (count, rows, columns) float32 is the direct light of each
+    pattern over the light of a lamp that has the projector's intensity in the whole cone around its field, 0 in shadow.
+    ``place`` (rows, columns, 2) float32 are the projector's coordinates that light the middle of each pixel, NaN in
+    shadow."""
 
     share: Array
     place: Array
@@ -30,8 +31,8 @@ class ProjectedEye:
 
 @lru_cache
 def find_sample_offsets(count: int) -> tuple[float, ...]:
-    """Offsets in pixels of ``count`` samples of equal weight, across and down, with the spread of the filter of images,
-    on which the contrast of patterns depends."""
+    """Offsets in pixels of ``count`` samples of equal weight, for either axis, spread as the pixel filter of images, on
+    which the contrast of patterns depends."""
     at = np.linspace(-0.5, 0.5, 20001)
     angle = 2 * np.pi * (at + 0.5)
     weight = 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
@@ -50,8 +51,9 @@ def trace_patterns(
     clip_m: tuple[float, float],
     samples: int = 4,
 ) -> ProjectedEye:
-    """What an eye sees of a projector at ``pose`` (4, 4) with ``patterns`` (count, rows, columns), by ``samples`` rays
-    across and down each pixel. The eye sees surfaces at planar depths ``clip_m``."""
+    """Trace the light of a projector at ``pose`` (4, 4) with ``patterns`` (count, rows, columns) to the image of an
+    eye, by ``samples`` rays across and down each pixel. The eye sees surfaces at planar depths ``clip_m`` (nearest,
+    farthest)."""
     size = eye.rows * eye.columns
     shares, place = np.zeros((len(patterns), size), np.float32), np.full((size, 2), np.nan, np.float32)
     offsets = find_sample_offsets(samples)
@@ -74,8 +76,8 @@ def trace_patterns(
 def _find_light(
     stage: Stage, eye: Eye, pixels: Array, projector: Projector, pose: Array, clip_m: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """The coordinates (n, 2) of the projector at the points that pixels see, and the irradiance there (n,) of an
-    intensity of 1; 0 in shadow and outside the cone around the field."""
+    """The coordinates (n, 2) of the projector at the points that pixels see, and the irradiance (n,) there from a
+    projector of intensity 1; 0 in shadow and outside the cone around the field."""
     direction, (_, origin) = eye.directions(pixels), eye.place(pixels)
     seen = find_surface(stage.ground, stage.ground_tracer.intersect(origin, direction, *clip_m), origin, direction)
     met = np.flatnonzero(np.isfinite(seen.along))

@@ -28,7 +28,7 @@ class Shape:
 
     def planes(self, triangles: Array) -> Array:
         """Planes (n, 4) float64 of triangles (n,): the cross product of two sides, in m², and its dot product with the
-        first corner, in m³. Many rays meet the same triangle; its plane is made once."""
+        first corner, in m³. Each plane is computed once, since many rays meet the same triangle."""
         asked = np.zeros(len(self.triangles), bool)
         asked[triangles] = True
         each = np.flatnonzero(asked)
@@ -49,8 +49,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Placed:
-    """A shape and its instances: matrices (k, 4, 4), float64, from its coordinates to the world's, and the number (k,),
-    int64, that labels each instance."""
+    """A shape and its k instances: float64 matrices (k, 4, 4) from the shape's coordinates to the world, and an int64
+    number (k,) that labels each instance."""
 
     shape: Shape
     places: Array
@@ -62,7 +62,7 @@ class World:
     """All objects that rays can meet."""
 
     placed: Sequence[Placed]
-    #: Of each place of all shapes, one shape after the other: its shape, matrix (4, 4), and number.
+    #: For each place, one shape after the other: its shape, matrix (4, 4) and number.
     of: Array = field(init=False)
     places: Array = field(init=False)
     numbers: Array = field(init=False)

@@ -13,8 +13,7 @@ from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
 
-#: Disparity in px by which an occluder must be nearer than the point that it hides; ``docs/theory/metrics.md`` explains
-#: it.
+#: Disparity in px by which an occluder must be nearer than the hidden point; see ``docs/theory/metrics.md``.
 LEAST_GAP_PX = 0.25
 #: Side in pixels of a square whose rays are traced in a row, because they meet similar places.
 _TILE_SIDE_PX = 4
@@ -27,7 +26,8 @@ class Eye:
     """A pinhole camera. ``axes`` (3, 3) has its axes right, down and ahead as columns, in the world; ``position`` (3,)
     is in metres. The principal point is in pixel-corner coordinates.
 
-    With a rolling shutter ``axes`` (rows, 3, 3) and ``position`` (rows, 3) have those of each row at its time."""
+    With a rolling shutter, ``axes`` (rows, 3, 3) and ``position`` (rows, 3) are for each row at the time of its
+    exposure."""
 
     columns: int
     rows: int
@@ -75,7 +75,7 @@ class Eye:
         return np.asarray(away[:, 2])
 
     def own_depth(self, direction: Array, depth_m: Array) -> Array:
-        """Depths (n,) along the eye's own axis, which equal ``depth_m`` along rays (n, 3) of the rig."""
+        """Depths (n,) along the eye's own axis, which are the ``depth_m`` along the rig's."""
         return depth_m
 
 
@@ -83,7 +83,7 @@ class Eye:
 class CalibratedEye:
     """A calibrated camera at an eye of a parallel rig; the other fields are as in the rig's ``Eye``.
 
-    Its rays are one unit long, since they may lead anywhere. ``own`` has its pose in the rig.
+    Its rays have length 1, since they may lead in any direction. The pose of ``own`` is in the rig's axes.
     """
 
     own: CalibratedCamera
@@ -100,8 +100,8 @@ class CalibratedEye:
         return self.own.height_px
 
     def directions(self, pixels: Array) -> Array:
-        """Rays (n, 3) of length 1 in the world, by pixels as ``Eye.directions`` has them; NaN for pixels that see
-        nothing."""
+        """Rays (n, 3) of length 1 in the world through the centres of pixels (n,), counted along rows; NaN outside the
+        lens's field."""
         row, column = np.divmod(pixels, self.columns)
         return np.asarray(find_rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
@@ -128,7 +128,7 @@ class CalibratedEye:
             return np.where(ahead > 0, distance_m * ahead, np.nan)
 
 
-#: Rounding, in rows: a point in the first or last row of an eye is in the same row of the other.
+#: Rounding in rows. A point in the first or last row of one eye is in the same row of the other eye.
 _ROW_SLACK = 1e-6
 
 
@@ -149,7 +149,7 @@ def to_eye(away: Array, axes: Array) -> Array:
 class EyeTruth:
     """The truth of an eye, arrays (rows, columns). ``depth_m`` float32 is along its axis, infinite for the sky.
     ``normal`` (..., 3) float32 belongs to the facet. ``label`` uint8 and ``number`` int64 are as in ``rays.shapes``.
-    ``hidden`` is true for points in the other eye's frame that it does not see."""
+    ``hidden`` is true for points in the other eye's frame that are hidden from the other eye."""
 
     depth_m: Array
     normal: Array
@@ -194,7 +194,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         direction = eye.directions(pixels)
         axes, origin = eye.place(pixels)
         lost = np.isnan(direction).any(axis=1)
-        direction[lost] = np.broadcast_to(axes, (len(pixels), 3, 3))[lost, :, 2]  # any ray; its hit is dropped
+        direction[lost] = np.broadcast_to(axes, (len(pixels), 3, 3))[lost, :, 2]  # any direction; the hit is dropped
         seen = find_first_surface(stage, origin, direction, near_m, far_m)
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0
@@ -249,8 +249,9 @@ def find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Whether the other eye sees something nearer in front of each point, which is ``along_m`` (n,) along a ray, by at
-    least ``LEAST_GAP_PX`` of disparity. With a rolling shutter the other eye sees the point in the same row."""
+    """Whether something is in front of each point in the other eye's view, nearer by at least ``LEAST_GAP_PX`` of
+    disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter the other eye sees the point in the
+    same row."""
     hidden = np.zeros(len(along_m), bool)
     axes, position = other.place(pixels)
     away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.place(pixels)[1] - position)

@@ -60,7 +60,7 @@ _NO_MEMORY_MESSAGE = (
 def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
-    Triangles share a vertex where the surface is smooth. Elsewhere each corner of a triangle has a vertex of its own.
+    Triangles share a vertex where the surface is smooth. Elsewhere each corner of a triangle has its own vertex.
     """
     loops, corners, positions = read_triangles(mesh)[0].ravel(), read_corners(mesh), read_vertices(mesh)
     smooth, split = read_vertex_normals(mesh), read_corner_normals(mesh)

@@ -95,7 +95,7 @@ def _scan_scene(
     albedo: AlbedoMap | None,
     report: Callable[[float], object],
 ) -> None:
-    """Scan one built scene into its folder; ``report`` is told the finished share of the beams."""
+    """Scan one built scene into its folder; ``report`` receives the finished share of the beams."""
     eyes = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
     pose = make_pose(asked.pose[:3], asked.pose[3:]) if asked.pose else mount_on_rig(eyes["left"], lidar.aim)
     _refuse_enclosed(stage, pose)
@@ -117,7 +117,7 @@ def _write_scan(
     digitiser: Digitiser | None,
     report: Callable[[float], object],
 ) -> dict[str, Any]:
-    """Write the returns of a scan, and its waveforms if there is a digitiser; the counts of both."""
+    """Write the returns of a scan, and its waveforms if there is a digitiser. Returns the facts on both."""
     with ExitStack() as stack:
         writer = stack.enter_context(ReturnWriter(folder, pattern))
         packets = None if digitiser is None else stack.enter_context(PacketWriter(folder, digitiser))
@@ -149,7 +149,7 @@ def _refuse_enclosed(stage: Stage, pose: SensorPose) -> None:
 def _find_sensing(
     built: Built, lidar: LidarFile, asked: ScanRequest, laws: dict[int, Backscatter]
 ) -> tuple[Sensing, dict[str, Any]]:
-    """What happens beyond the surface and in the detector, and facts on it."""
+    """The media, detector and effects of a scan, and facts on them for its file."""
     settings, instrument = built.settings, lidar.instrument
     media: dict[int, Medium] = {}
     words = dict.fromkeys(("terrain", "rocks"), "left out, as asked")
@@ -185,7 +185,7 @@ def _write_batches(
     scanned: Iterable[ScannedBeams],
     report: Callable[[int], object],
 ) -> dict[str, int]:
-    """Write a scan, and return its counts; ``report`` is told the number of beams so far."""
+    """Write a scan, and return its counts; ``report`` receives the number of beams so far."""
     counts = dict.fromkeys(("beams", "beams_without_return", "returns"), 0)
     for each in scanned:
         made = each.packets

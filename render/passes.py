@@ -77,8 +77,8 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     render.use_overwrite, render.use_placeholder = True, False
 
 
-#: Passes of the truth by ``quality.truth``: those that Cycles takes from the first sample, which may come with the
-#: radiance, and all of them. Cycles averages normals and value passes over samples.
+#: Passes of the truth by ``quality.truth``: first the passes that Cycles takes from the first sample, so that they may
+#: come with the radiance; then all passes. Cycles averages normals and value passes over samples.
 _FIRST_SAMPLE_PASSES: dict[str, tuple[str, ...]] = {
     "DEPTH": ("use_pass_z",),
     "SEMANTIC": ("use_pass_z", "use_pass_material_index"),
@@ -109,7 +109,7 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in suffixes.items()}
 
 
-#: Passes that are dropped: the passes that mean something only in the other render, the colour of the truth's one
+#: Passes that are dropped: passes of one render that have a meaning only in the other, the colour of the truth's one
 #: sample, the image before the denoiser, and baked light, which the image already contains.
 UNWANTED_PASSES = {
     *(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),

@@ -80,8 +80,8 @@ class SceneRays:
         return self._open_stage()
 
     def require(self, what: str) -> Stage:
-        """The stage of ``prepare``. Raises IcyMoonError where there is none, of which ``what``, such as "The scene
-        cannot be scanned", is the start."""
+        """The stage of ``prepare``. If rays cannot be traced, raises IcyMoonError, whose sentence begins with ``what``,
+        such as "The scene cannot be scanned"."""
         try:
             return self.prepare()
         except CannotTrace as reason:

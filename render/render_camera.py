@@ -164,8 +164,8 @@ def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
 
 @dataclass(frozen=True)
 class _Shutter:
-    """The time that one frame of Blender lasts, in seconds; the part of it that a row is exposed, 1 for a global
-    shutter; the middle of the frame before the middle of the exposure, in seconds; and steps of Cycles' motion."""
+    """The duration of one frame of Blender in seconds; the share of it that a row is exposed, 1 for a global shutter;
+    the seconds by which the frame's middle is before the exposure's middle; and the steps of Cycles' motion."""
 
     seconds: float
     row_share: float = 1.0

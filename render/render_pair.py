@@ -79,9 +79,9 @@ _NOISE_JUDGED_EYE = "left"
 def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
     """A separate scene that shows the built collection under a black sky, for any number of pairs.
 
-    The user's scene is never changed for a render, so nothing has to be restored; this one is removed at the end
-    whatever happens. As long as no object is added or removed, Cycles keeps its tree of triangles for the next render,
-    such as the truth after the radiance, unless there are too many triangles.
+    The user's scene is never changed for a render, so nothing has to be restored. The separate scene is always removed
+    at the end. As long as no object is added or removed, Cycles keeps its tree of triangles for the next render, such
+    as the truth after the radiance, unless there are too many triangles.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -146,9 +146,9 @@ def render_pair(
 ) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
-    ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide_baked_light`` returned.
-    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish_pair``. Raises IcyMoonError when the
-    render or the disk fails; nothing half-written stays.
+    ``rays`` are the rays through that scene. ``indirect`` is from ``baked_light.provide_baked_light``. ``report``
+    receives the fraction done; for ``lost`` and ``again`` see ``publish_pair``. Raises IcyMoonError when the render or
+    the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
     check_place(folder)
@@ -162,7 +162,8 @@ def render_pair(
             traced = IndirectLight(why_traced=why, tried=indirect.lights)
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
-        # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
+        # Processor seconds of all threads. "before" is the time that this process had already spent: its start, the
+        # build, other pairs and their bakes.
         found["cpu_seconds"] = {
             "before": round(spent - indirect.spent_s, 3),
             "pair": round(time.process_time() - spent, 3),
@@ -388,8 +389,8 @@ def _write_files(
 def _choose_engine(
     rays: SceneRays, settings: Settings, takes: list[_CameraSetup]
 ) -> tuple[Stage | None, dict[str, str]]:
-    """The stage on which traced rays find the truth, None if Cycles renders it; and the pair's statement about that,
-    empty if truth comes with the radiance."""
+    """The stage on which traced rays find the truth, None if Cycles renders it; and the pair's statement about this
+    choice, empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
     if has_rolling_shutter(settings.rig):
@@ -405,16 +406,16 @@ def _choose_engine(
     return stage, {"by": stage.ground_tracer.name}
 
 
-#: The number of the truth on the sensors of calibrated eyes among the truths by rays; others have the number of their
-#: render.
+#: Among the truths by rays, the number of the truth on the sensors of calibrated eyes. Other truths have the number of
+#: their render.
 _SENSOR_TRUTH_NUMBER = -1
 
 
 def _plan_rays(
     part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
 ) -> tuple[Stage | None, dict[int, TruthRequest], dict[str, str]]:
-    """The stage for rays, the truths that they find by number, and the statement of ``_choose_engine``. The truths are
-    those of ``takes``, unless Cycles renders them, and those on the sensors of calibrated eyes."""
+    """The stage for rays, the truths that rays find, by number, and the statement of ``_choose_engine``. Rays find the
+    truth of ``takes``, unless Cycles renders it, and the truth on the sensors of calibrated eyes."""
     stage, engine = _choose_engine(rays, settings, takes)
     asked: dict[int, TruthRequest] = {
         k: (part / f"{TRUTH}{k}", "TOED" if take.toed else "PARALLEL")

@@ -42,7 +42,7 @@ class ResidentScenes:
         send("progress", fraction=0.0, message="Building the scene")
         try:
             render_from(self._source, pairs, dataset, send, again)
-        except ReferenceError:  # another file was opened in this Blender meanwhile
+        except ReferenceError:  # another .blend file was opened in this Blender meanwhile
             self._source = self._open_source()
             render_from(self._source, pairs, dataset, send, again)
         folders = [pair.folder(dataset) for pair in pairs]

@@ -148,7 +148,7 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
         return [replace(pair, settings=overlay(pair.settings, threads)) for pair in read_planned_pairs(job)]
     settings = merged(defaults(), check(job["settings"], "job"))
-    # Each pair is built from its own settings, so nothing has to be turned.
+    # Each pair is built from its own settings, so no rig has to be turned.
     return [
         PlannedPair(pair.id, pair.settings, 0.0)
         for pair in expand_headings(settings, make_build_facts(settings) + _repeat_text(job))
@@ -168,7 +168,7 @@ def _repeat_text(job: dict[str, Any]) -> str:
 
 
 def run_job(job: dict[str, Any], send: Send = emit) -> None:
-    """Run a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
+    """Run a job, see ``job_commands.read_job``. Raises IcyMoonError for errors that a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):

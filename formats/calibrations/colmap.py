@@ -1,7 +1,7 @@
 """Models of COLMAP: ``cameras`` and ``images`` in one folder, read as text or binary, written as text.
 
-COLMAP counts pixels from the corner of the first pixel. Lengths are in the unit of its own scale, which is the metre if
-the positions of the images are known.
+COLMAP counts pixels from the corner of the first pixel. Lengths are in the unit of the model's scale, which is the
+metre if the positions of the images are known.
 """
 
 from __future__ import annotations

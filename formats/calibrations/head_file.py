@@ -41,20 +41,20 @@ _MOST_BYTES = 2**20
 _FIX = "give a file with [[camera]] tables"
 #: Most columns or rows that Blender renders.
 _MOST_PX = 16384
-#: Names of cameras are names of files, and end up in tables and paths.
+#: Longest name of a camera; names are used as file names and in tables.
 _LONGEST_NAME = 40
-#: How far a quaternion's length may be off from 1.
+#: Largest deviation of a quaternion's length from 1.
 _MOST_OFF = 0.1
 _ANYWHERE = ("name", "role", "model", "frame", "position_m", "forward", "up", "quaternion_xyzw")
 _SIZE = ("width_px", "height_px")
-#: The keys of a camera for what options of the shell state of a calibration.
+#: The keys of a camera that replace the options of the shell for a calibration.
 _KEYS = {
     "--size WIDTHxHEIGHT": "width_px and height_px",
     "--size": "width_px and height_px",
     "--unit": "unit",
     "--lens": "lens",
 }
-#: Where forward and up point if a camera does not state them, by frame: along the left eye's axes, or north and up.
+#: Default directions of ``forward`` and ``up`` by frame: along the left eye's axes, or north and up.
 _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
     ("GROUND", "ZERO"), ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 )
@@ -278,7 +278,7 @@ class _Entry:
         return IcyMoonError(f"{self._place.at(key)}{who}: {clause}{end}")
 
 
-#: By model: the keys that it has besides those of any, and how its projection is made.
+#: For each model: its keys besides the keys of every camera, and the function that makes its projection.
 _MODELS: dict[str, tuple[tuple[str, ...], Callable[[_Entry], Projection]]] = {
     "PINHOLE": ((*_SIZE, "field_deg"), _Entry.pinhole),
     "ORTHOGRAPHIC": ((*_SIZE, "width_m"), _Entry.orthographic),

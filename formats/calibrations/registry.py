@@ -21,9 +21,9 @@ from .transforms import read_transforms, why_not_transforms, write_transforms
 
 #: Bytes at the beginning of a file from which its format is detected.
 _HEAD_BYTES = 2**16
-#: Share of the size of an image by which the principal point of a real lens may be off its middle.
+#: Largest offset of a real lens's principal point from the image's middle, as a share of the image's size.
 _OFF_MIDDLE = 0.1
-#: Sizes, as shares of the stated one, of images that a calibration was probably made from: binned or scaled ones.
+#: Ratios of the probable size of the calibration's images to the stated size, if images were binned or scaled.
 _RESIZED = (0.5, 2.0, 0.25)
 _KALIBR_PATTERN = re.compile(r"^cam0:", re.MULTILINE)
 _ROS_PATTERN = re.compile(

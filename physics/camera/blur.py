@@ -26,7 +26,7 @@ _MOST_TURN_DEG = 90.0
 _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
 _TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 
-#: Settings by which rows of alike eyes differ from rows of the parallel pair.
+#: Settings by which the rows of two identical eyes differ from the rows of the parallel pair.
 _BENDING = (
     "rig.toe_in_deg",
     *(f"rig.distortion_{term}" for term in ("k1", "k2", "p1", "p2", "k3")),
@@ -131,8 +131,8 @@ def read_motion(rig: RigSettings) -> tuple[Array, Array]:
 
 
 def check_rows_of_lens(rig: RigSettings) -> None:
-    """Raise IcyMoonError if a rolling shutter reads rows that are not rows of the parallel pair, which the truth and
-    the rectified images belong to: of eyes that are calibrated or toed in, or whose lens distorts.
+    """Raise IcyMoonError for a rolling shutter in eyes that are calibrated or toed in, or whose lens distorts. Their
+    rows are not the rows of the parallel pair, to which the truth and the rectified images belong.
     """
     if not has_rolling_shutter(rig):
         return

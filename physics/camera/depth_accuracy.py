@@ -16,8 +16,8 @@ from ..rig.focal_length import focal_px
 
 #: Widest triangle, in heights of the camera, on which the depth of a plane is right to 1e-4.
 _WIDEST_EXACT_TRIANGLE = 1000.0
-#: Relative error of depth for each height of the camera that a triangle is wide. Measured from 0.1 to 5e5 heights it is
-#: at most 0.9e-7, a rounding of single precision.
+#: Relative error of depth over the width of a triangle in heights of the camera. Measured on widths of 0.1 to 5e5
+#: heights it is at most 0.9e-7, a rounding of single precision.
 _DEPTH_ERROR_PER_WIDTH = 0.9e-7
 #: Rounding of coordinates in pixels from which on it is reported: a tenth of the accuracy of stereo matchers.
 _REPORTED_ROUNDING_PX = 0.05

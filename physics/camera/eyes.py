@@ -43,7 +43,8 @@ _KEYS_OF_LENS = {
 }
 #: The topics of the eyes, left first.
 EYE_TOPICS = ("left_eye", "right_eye")
-#: Largest overscan for which eyes are taken from a pinhole's image, of nine times the pixels of the rectified images.
+#: Largest overscan up to which the eyes' images are taken from a pinhole's image, which then has nine times the pixels
+#: of the rectified images.
 MOST_OVERSCAN = 1.0
 #: Grid of pixels, columns and rows, from which shares of an image are found.
 _GRID_PX = 65, 49

@@ -1,8 +1,8 @@
 """Cameras beside the stereo pair, each with a name, a role, a projection and a pose.
 
 A projection takes pixels to rays and points to pixels, in the camera's own axes: x right, y down, z forward. Pixels are
-counted from the centre of the first pixel. A pinhole, a fisheye and a calibrated camera are ``CalibratedCamera``; the
-two others are here.
+counted from the centre of the first pixel. A pinhole, a fisheye and a calibrated camera are ``CalibratedCamera``;
+orthographic and equirectangular cameras are here.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .rotations import rotation_error
 
 #: The purpose of a camera, as a word by which users choose it.
 ROLES = ("hazcam", "mast", "arm", "navigation", "context")
-#: The axes that a pose belongs to: those of the rig's left eye; or east, north and up, from the site's origin, with the
-#: height above the ground beneath or above the site's zero.
+#: The axes of a pose: the axes of the rig's left eye; or east, north and up from the site's origin, with heights above
+#: the ground beneath, or above the site's zero.
 FRAMES = ("RIG", "GROUND", "ZERO")
 #: The most cameras of a head.
 MOST_CAMERAS = 16
@@ -31,7 +31,7 @@ MOST_CAMERAS = 16
 _SINGLE = 1e-5
 #: Largest angle off the axis, in degrees, up to which a calibrated camera is rendered as a pinhole.
 _WIDEST_PINHOLE_DEG = 60.0
-#: Pixels that are rendered beyond those that a lens needs, for splines.
+#: Extra rendered pixels around the pixels that a lens needs, for interpolation by splines.
 _BORDER_PX = 4
 
 

@@ -43,7 +43,8 @@ def find_flow(
     """The flow from an image to another of the same camera, with the lens of the left rectified eye.
 
     Planar depths (H, W) in metres are NaN for sky, which hides nothing; poses (4, 4) are from the axes x right, y down,
-    z forward to the world. With a rolling shutter they are those of the middle, and depths along the axes of the rows.
+    z forward to the world. With a rolling shutter, poses belong to the middle of the readout, and depths are along the
+    axes of the rows.
     """
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     centre, focal = np.array([camera.cx_px, camera.cy_px]), camera.focal_px

@@ -1,4 +1,4 @@
-"""The equidistant fisheye image from which eyes are taken whose field no pinhole shows."""
+"""The equidistant fisheye image from which the images of eyes are taken if no pinhole shows their field."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def make_panorama(px_per_rad: float, widest_rad: float) -> Panorama:
     """The panorama of all directions up to an angle off the axis, with a border for the interpolation."""
     widest = min(math.pi, widest_rad)
     size = 2 * math.ceil(px_per_rad * widest + _BORDER_PX)
-    # As many pixels as the whole sphere has at most, which Cycles spans at most.
+    # At most as many pixels as the whole sphere spans, since Cycles renders no wider field.
     return Panorama(min(size, 2 * math.floor(px_per_rad * math.pi)), px_per_rad)
 
 

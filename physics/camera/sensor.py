@@ -5,8 +5,7 @@ current, their Poisson noise, a well that overflows, fixed patterns, the noise o
 analogue-digital converter with a black level. All of it happens after rendering, so a change of
 exposure or gain never needs a new render.
 
-``sensor`` is the ``sensor`` topic of the settings throughout;
-``rate`` is what ``photons.electron_rate`` gives.
+``sensor`` is the ``sensor`` topic of the settings throughout; ``rate`` is the result of ``photons.electron_rate``.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ def top_dn(sensor: SensorSettings) -> int:
 
 
 def black_dn(sensor: SensorSettings) -> float:
-    """Digital number without light, from ``black_level``, a share of the converter's range."""
+    """Digital number of a dark pixel, from ``black_level``, a share of the converter's range."""
     return float(sensor.black_level) * top_dn(sensor)
 
 

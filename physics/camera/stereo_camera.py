@@ -39,8 +39,8 @@ class StereoCamera:
 
     Truth and rectified images belong to this rig. Images were taken with eyes that may each be turned in by
     ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border. Calibrated ``eyes``, left first,
-    are cameras of their own at the centres of this rig, with poses in the axes of its left eye; their images are taken
-    from those of the parallel rig then, or from a ``panorama`` of each of its eyes if no pinhole shows their field.
+    are separate cameras at the centres of this rig, with poses in the axes of its left eye. Their images are taken from
+    the images of the parallel rig, or from a ``panorama`` of each of its eyes if no pinhole shows their field.
     """
 
     width_px: int
@@ -86,7 +86,7 @@ class StereoCamera:
 
     @property
     def rectified(self) -> StereoCamera:
-        """The parallel rig of the pair, without margins, toe-in or eyes of their own."""
+        """The parallel rig of the pair, without margins, toe-in or calibrated eyes."""
         return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0, eyes=None, panorama=None)
 
     @property

@@ -93,7 +93,7 @@ def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) ->
 
     def ground(at: Array) -> tuple[float, Array]:
         z = surface(at[0] + dx, at[1] + dy)
-        # Least squares on a ring is a projection, as in ``rocks.py``.
+        # Least squares on a ring is a projection, as in ``place_rocks``.
         fall = -np.array([(z * dx).sum(), (z * dy).sum()]) / (_POINTS_PER_RING / 2 * (0.45 * diameter) ** 2)
         return float(z.mean()), fall
 

@@ -22,8 +22,9 @@ ELECTRON_C = 1.602176634e-19  # CODATA 2018, exact
 
 @dataclass(frozen=True)
 class Apd:
-    """A photodiode and its amplifier: mean gain M, ratio k of the ionisation by holes to that by electrons, quantum
-    efficiency, bandwidth in Hz, dark current before the gain in A, feedback resistance in ohm and its temperature."""
+    """A photodiode and its amplifier: mean gain M, ratio k of the ionisation by holes to the ionisation by electrons,
+    quantum efficiency, bandwidth in Hz, dark current before the gain in A, feedback resistance in ohm and its
+    temperature."""
 
     gain: float = 100.0
     ionisation_ratio: float = 0.02
@@ -56,8 +57,8 @@ class Apd:
         return np.asarray(ELECTRON_C * self.gain * self.efficiency * np.asarray(photons_1_s, np.float64))
 
     def noise_a(self, photons_1_s: Numbers, effects: Effects = Effects()) -> Array:  # noqa: B008
-        """Standard deviation in A of the current at a rate of photons, those of the background included:
-        σ² = 2 q M² F B (I + I_dark) + 4 k T B / R."""
+        """Standard deviation in A of the current at a rate of photons, including the background's: σ² = 2 q M² F B (I +
+        I_dark) + 4 k T B / R."""
         rate = np.asarray(photons_1_s, np.float64)
         primary = ELECTRON_C * self.efficiency * rate * effects.shot_noise + self.dark_a * effects.dark_counts
         shot = 2.0 * ELECTRON_C * self.gain**2 * self.excess_noise * self.bandwidth_hz * primary
@@ -73,7 +74,8 @@ def false_alarm_rate_hz(threshold_over_noise: Numbers, bandwidth_hz: float) -> A
 
 
 def threshold_over_noise(rate_hz: float, bandwidth_hz: float) -> float:
-    """The threshold over the noise with a rate of false alarms; 0 if the rate is above Rice's largest."""
+    """The threshold, in standard deviations of the noise, that gives a rate of false alarms in Hz; 0 above Rice's
+    largest rate."""
     if not rate_hz > 0.0:
         raise IcyMoonError(f"The rate of false alarms is {rate_hz:g} Hz; give more than 0 Hz.")
     return math.sqrt(2.0 * max(math.log(bandwidth_hz / math.sqrt(3.0) / rate_hz), 0.0))
@@ -88,7 +90,8 @@ def draw_waveforms(
     effects: Effects = Effects(),  # noqa: B008
 ) -> Array:
     """Currents in A (beams, samples) of light (beams, samples) in photons per second, with noise of even power below
-    the bandwidth. Same seed and scan, same bits. IcyMoonError if samples are too far apart for the bandwidth."""
+    the bandwidth. The same seed and scan give the same bits. Raises IcyMoonError if samples are too far apart for the
+    bandwidth."""
     rate = np.atleast_2d(np.asarray(photons_1_s, np.float64))
     if not 0.0 < sample_s <= 0.5 / apd.bandwidth_hz:
         raise IcyMoonError(
@@ -101,14 +104,14 @@ def draw_waveforms(
     white = make_generator(seed, "lidar", scan, WAVEFORM).standard_normal(rate.shape)
     spectrum = np.fft.rfft(white, axis=1)
     kept = np.fft.rfftfreq(rate.shape[1], sample_s) <= apd.bandwidth_hz
-    # Scaled to the variance 1, which a sharp cut to a share of the band has reduced to that share.
+    # Divided by the root of the kept share of the band, to which the cut has reduced the variance.
     share = (2.0 * kept.sum() - 1.0) / rate.shape[1]
     noise = np.fft.irfft(spectrum * kept, rate.shape[1], axis=1) / math.sqrt(min(share, 1.0))
     return np.asarray(signal + deviation * noise)
 
 
 def digitise(current_a: Array, full_scale_a: float, bits: int) -> Array:
-    """Currents as the converter of ``bits`` outputs them: from 0 to its full scale, rounded, saturated."""
+    """Currents in A as a converter of ``bits`` outputs them: from 0 to its full scale, rounded, saturated."""
     if not full_scale_a > 0.0 or not 1 <= bits <= 32:
         raise IcyMoonError(f"The converter has {bits} bits to {full_scale_a:g} A; give 1 to 32 bits and more than 0 A.")
     step = full_scale_a / (2**bits - 1)

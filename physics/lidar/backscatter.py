@@ -1,4 +1,4 @@
-"""The reflectance of surfaces towards their light, at phase 0 and any incidence, as a table."""
+"""Tables of the reflectance of surfaces back toward the light: phase angle 0, any incidence."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def has_patches(settings: Settings) -> bool:
 
 def tabulate_scene(settings: Settings) -> dict[int, Backscatter]:
     """The tables of a scene by semantic label. Principled snow has no closed form and counts as a Lambert surface of
-    its albedo; so do the lander and other objects, with an assumed albedo. Differences of albedo from place to place
-    are those of an ``AlbedoMap``."""
+    its albedo; so do the lander and other objects, with an assumed albedo. An ``AlbedoMap`` states differences of
+    albedo from place to place."""
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     laws = {
         TERRAIN: make_law(settings.surface, settings.hapke) or lunar_lambert(settings.surface.albedo, 0.0),

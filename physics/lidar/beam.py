@@ -18,7 +18,7 @@ from ...support.arrays import Array, Numbers
 FWHM_PER_HALF_ANGLE = float(np.sqrt(2 * np.log(2)))
 #: Numbers of rays by which a beam can be sampled.
 SubRayCount = Literal[1, 20, 60]
-#: Number of rays next to each other ray, as in a hexagonal grid.
+#: Number of nearest rays that count as neighbours of a ray, as in a hexagonal grid.
 _NEIGHBOURS = 6
 #: The angle from one point of Vogel's spiral to the next.
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
@@ -27,15 +27,15 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 @dataclass(frozen=True)
 class SubRays:
     """Rays of a beam. ``offset`` (n, 2) is across the beam, in half-angles at 1/e²; ``weight`` (n,) is the share of the
-    pulse's energy, in sum 1. The first ray is the axis. It has no energy in a beam of several rays, because it only
-    tells where the beam points. The others follow in the order of their distance from it."""
+    pulse's energy, in sum 1. The first ray is the axis, without energy if the beam has several rays. The other rays
+    follow by distance from the axis."""
 
     offset: Array
     weight: Array
 
     @cached_property
     def neighbours(self) -> Array:
-        """Pairs (e, 2) of rays, each with those next to it across the beam."""
+        """Pairs (e, 2) of rays that are neighbours across the beam."""
         count = len(self.weight)
         away = ((self.offset[:, None] - self.offset) ** 2).sum(axis=2)
         near = np.argsort(away, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 1]
@@ -45,7 +45,7 @@ class SubRays:
 
 @lru_cache
 def make_sub_rays(count: int) -> SubRays:
-    """``count`` rays of equal energy beside the axis, or the axis alone for 1; else ``count`` is even.
+    """The axis alone for a ``count`` of 1; otherwise the axis and an even ``count`` of rays of equal energy.
 
     Half of the rays are on Vogel's spiral, at radii that divide the energy equally; the others are their mirror
     images, so that odd moments vanish. A linear map then gives them the beam's second moments, so that a tilted plane

@@ -1,8 +1,8 @@
 """Ranges as a detector with a threshold measures them, return by return, without a waveform.
 
 A return of N photo-electrons is a Gaussian pulse. It is detected if its noisy peak passes the threshold. A comparator
-stops where the rising edge passes it, earlier on a stronger pulse (walk), with a jitter of noise over slope. Timing by
-the centroid of photons has no walk and the jitter σ/√N. False alarms come before the return by Rice's rate.
+stops where the rising edge passes the threshold: earlier on a stronger pulse (walk), with a jitter of noise over slope.
+Timing by the centroid of photons has no walk and the jitter σ/√N. False alarms before the return follow Rice's rate.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class Detector:
     """A detector by its figures.
 
     ``noise_electrons`` is the noise without signal as photo-electrons in a pulse, ``excess_noise`` the factor F on shot
-    noise, ``threshold_electrons`` the number of a pulse whose peak is at the threshold, ``timing`` EDGE or CENTROID,
-    ``jitter_s`` a jitter beside that of noise, ``resolution_m`` the step of the range (0: none), ``saturation`` the
-    most electrons that the intensity states, ``bandwidth_hz`` Rice's B (0: the pulse's own, 0.44 over its length), and
-    ``gate_m`` the nearest and farthest range.
+    noise, and ``threshold_electrons`` the electrons of a pulse whose peak is at the threshold. ``timing`` is EDGE or
+    CENTROID. ``jitter_s`` is added to the jitter of noise. ``resolution_m`` is the step of the range (0: no steps),
+    ``saturation`` the largest intensity in electrons, ``bandwidth_hz`` the B of Rice's rate (0: 0.44 over the pulse's
+    length), and ``gate_m`` the nearest and farthest range.
     """
 
     pulse_fwhm_s: float = 1e-9
@@ -72,8 +72,8 @@ class Detector:
 
 @dataclass(frozen=True)
 class Detections:
-    """What is measured of returns (n,): range in metres (NaN without a detection), intensity in electrons, and whether
-    it is of a false alarm."""
+    """Measurements (n,) of returns: range in metres (NaN without a detection), intensity in electrons, and whether the
+    detection is a false alarm."""
 
     range_m: Array
     electrons: Array
@@ -81,22 +81,25 @@ class Detections:
 
 
 def edge_walk_s(deviation_s: float, amplitude_over_threshold: Numbers) -> Array:
-    """Time from a threshold on the rising edge of a Gaussian pulse to its peak: σ √(2 ln(A/T)); 0 below it."""
+    """Time in s from a threshold on the rising edge of a Gaussian pulse to its peak: σ √(2 ln(A/T)); 0 if the peak is
+    below it."""
     over = np.maximum(np.asarray(amplitude_over_threshold, np.float64), 1.0)
     return np.asarray(deviation_s * np.sqrt(2.0 * np.log(over)))
 
 
 def correct_walk_m(found: Detections, detector: Detector) -> Array:
-    """Ranges (n,) of a leading edge with the walk of their stated intensity removed, as an instrument does with its
-    calibration. A saturated intensity leaves the walk beyond it."""
+    """Ranges (n,) of a leading edge in metres without the walk of the measured intensity, as a calibrated instrument
+    states them. Where the intensity saturates, the rest of the walk stays."""
     over = np.where(found.is_false, 1.0, found.electrons / detector.threshold_electrons)
     return np.asarray(found.range_m + LIGHT_M_S / 2.0 * edge_walk_s(detector.deviation_s, over))
 
 
 def edge_jitter_s(deviation_s: float, amplitude_over_threshold: Numbers, threshold_over_noise: Numbers) -> Array:
-    """Jitter of a threshold on the rising edge: noise over slope, σ / ((T/σn) √(2 ln(A/T))), at most the pulse's σ.
+    """Jitter in s of a threshold on the rising edge: noise over slope, σ / ((T/σn) √(2 ln(A/T))), at most the pulse's
+    σ.
 
-    At half of the peak it is 1.70 σ over the signal-to-noise ratio, the rise time (10 to 90 %: 1.69 σ) over it.
+    At half of the peak the jitter is 1.70 σ over the signal-to-noise ratio, about the rise time (10 to 90 %: 1.69 σ)
+    over that ratio.
     """
     over = np.asarray(amplitude_over_threshold, np.float64)
     steep = np.asarray(threshold_over_noise, np.float64) * np.sqrt(2.0 * np.log(np.maximum(over, 1.0)))
@@ -104,7 +107,7 @@ def edge_jitter_s(deviation_s: float, amplitude_over_threshold: Numbers, thresho
 
 
 def photon_jitter_m(deviation_s: float, photons: Numbers) -> Array:
-    """Least standard deviation of a range by N photons of a pulse: c σ / (2 √N)."""
+    """Least standard deviation in metres of a range from N photons of a pulse: c σ / (2 √N)."""
     return np.asarray(LIGHT_M_S / 2.0 * deviation_s / np.sqrt(np.maximum(np.asarray(photons, np.float64), 1.0)))
 
 
@@ -119,9 +122,9 @@ def detect_returns(
 ) -> Detections:
     """Measure the first return (n,) of beams at true ranges in metres, NaN or infinite without a target.
 
-    ``electrons`` are those expected of the pulse, ``background_electrons`` those of sunlight and dark current in the
-    length of a pulse. Each effect has its own random stream: same seed and scan, same bits, and one effect less leaves
-    the others as they are.
+    ``electrons`` are expected from the pulse, ``background_electrons`` from sunlight and dark current in the length of
+    a pulse. The same seed and scan give the same bits. Each effect has its own random stream, so that one switched off
+    changes no other.
     """
     true, expected = np.broadcast_arrays(np.asarray(range_m, np.float64), np.asarray(electrons, np.float64))
     if not (expected >= 0.0).all():

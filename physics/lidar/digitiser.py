@@ -1,13 +1,13 @@
 """Waveforms of an analog receiver, as a digitiser stores them of each pulse whose light comes back.
 
-A packet is a run of samples. It begins before the first return or false alarm of a pulse and has all others that fit;
-one that does not fit begins another packet. Samples have the light of all returns of the pulse, and noise of even power
-below the detector's bandwidth. At the peak of a return the noise is that of the measured intensity, and a false alarm
-reaches the threshold. The steady current of sunlight and dark counts is subtracted.
+A packet is a run of samples. It begins before the first return or false alarm of a pulse and contains every later event
+that fits; an event that does not fit begins another packet. Samples contain the light of all returns of the pulse, and
+noise of even power below the detector's bandwidth. At the peak of a return the noise equals the noise of the measured
+intensity. A false alarm reaches the threshold. The steady current of sunlight and dark counts is subtracted.
 
-A record that begins a few samples before the first return, intervals of at most half of the pulse, 64 to 512 samples
-and a gain that is constant for a pulse are those of the Leica ALS50-II (NERC Airborne Research Facility, notes on full
-waveform digitisation, 2010). It has 8 bits, too coarse for the tail of light from ice; 16 are assumed.
+The Leica ALS50-II is the model (NERC Airborne Research Facility, notes on full waveform digitisation, 2010): its record
+begins a few samples before the first return, intervals are at most half of the pulse, a record has 64 to 512 samples,
+and the gain is constant for a pulse. Its 8 bits are too coarse for the tail of light from ice; 16 are assumed.
 """
 
 from __future__ import annotations
@@ -27,25 +27,26 @@ from .measured_returns import AnalogReceiver, Measurement, PhotonCounter
 from .noise_streams import draw_sample_normals
 from .returns import Returns
 
-#: Numbers of samples of a packet that can be asked for.
+#: Possible numbers of samples in a packet.
 SAMPLE_COUNTS = (64, 128, 256, 512)
 BITS = 16
-#: The stored number of no light. It leaves room for noise below.
+#: The stored number for no light. The numbers below it are for negative noise.
 ZERO = 2**12
-#: Steps of the finest gain in the threshold; six times the noise by default.
+#: Number of steps of the finest gain from no light to the threshold, which is six times the noise by default.
 _STEPS_A_THRESHOLD = 16.0
-#: Deviations of the pulse, and samples, from the begin of a packet to its first return.
+#: From the start of a packet to its first return: standard deviations of the pulse, plus samples.
 _DEVIATIONS, _SAMPLES_BEFORE = 5.0, 8
 #: Samples that are made at a time: about 40 MB for all their data.
 _SAMPLES_AT_ONCE = 2**19
-#: Share of the variance by which noise at returns may differ from that measured, so that near ones have a solution.
+#: Share of the variance by which noise at a return may differ from its measured value, so that near returns have a
+#: solution.
 _RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
 class Digitiser:
-    """``samples`` in a packet, ``spacing_ps`` between them, and the electrons ``step`` in an interval for a step of the
-    finest gain. Gain number k has 2^k times larger steps."""
+    """A packet has ``samples``, ``spacing_ps`` apart in ps. One step of the finest gain is ``step`` electrons in an
+    interval; gain number k has 2^k times larger steps."""
 
     samples: int
     spacing_ps: int
@@ -53,28 +54,29 @@ class Digitiser:
 
     @property
     def spacing_m(self) -> float:
-        """Interval as range in metres."""
+        """Interval between samples as range in metres."""
         return self.spacing_ps * 1e-12 * LIGHT_M_S / 2.0
 
 
 @dataclass(frozen=True)
 class Waves:
-    """Where the waveforms of returns or false alarms (k,) are: the number int64 of the ``packet`` in the scan, the
-    number uint8 of its gain, and the time int64 of its first sample after the pulse, in intervals."""
+    """The packets that contain returns or false alarms, arrays (k,): ``packet`` int64 is the packet's number in the
+    scan, ``packet_gain`` uint8 its gain, and ``packet_start`` int64 the intervals from the pulse to its first
+    sample."""
 
     packet: Array
     packet_gain: Array
     packet_start: Array
 
     def take(self, chosen: slice) -> Waves:
-        """Some of them."""
+        """The entries of a slice."""
         return Waves(self.packet[chosen], self.packet_gain[chosen], self.packet_start[chosen])
 
 
 @dataclass(frozen=True)
 class Packets:
-    """Stored numbers ``samples`` (p, s) uint16, the number uint8 of the ``gain`` (p,) of each packet, and the packets
-    of reported returns and of false alarms."""
+    """Stored numbers ``samples`` (p, s) uint16 of p packets, the ``gain`` (p,) uint8 of each, and the packets in which
+    reported ``returns`` and false ``alarms`` are."""
 
     samples: Array
     gain: Array
@@ -83,11 +85,11 @@ class Packets:
 
 
 def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: Instrument, samples: int) -> Digitiser:
-    """The digitiser of a detector; intervals are half of the pulse's full width, or Nyquist's of the bandwidth if they
-    are shorter. Raises IcyMoonError without an analog receiver."""
+    """The digitiser of a detector. Its interval is half of the pulse's full width or half of 1 / bandwidth, whichever
+    is shorter. Raises IcyMoonError without an analog receiver."""
     if detector is None:
         raise IcyMoonError(
-            "A waveform is what a detector receives, and this scan has none; choose a scanner with a detector, "
+            "A waveform needs a detector, and this scan has no detector; choose a scanner with one, "
             "do not leave the detector out, or ask for no waveforms."
         )
     if isinstance(detector, PhotonCounter):
@@ -134,8 +136,8 @@ class Recorder:
         self._count = 0
 
     def record(self, found: Returns, chosen: Array, alarm_beam: Array, alarm_m: Array, first: int, end: int) -> Packets:
-        """The packets of all returns of the beams from number ``first`` to before ``end``, of which the instrument
-        reports those with the indices ``chosen`` (k,), and of false alarms (a,) in the order of their beams."""
+        """The packets of the beams from number ``first`` to before ``end``. ``found`` are all their returns, of which
+        the instrument reports those with indices ``chosen`` (k,). False alarms (a,) are in the order of their beams."""
         own, pulse_m = self.digitiser, self._opaque.deviation_m
         beam = np.concatenate([found.beam[chosen], alarm_beam])
         range_m = np.concatenate([found.range_m[chosen], alarm_m])
@@ -157,14 +159,14 @@ class Recorder:
         return Packets(samples, gain, waves.take(slice(len(chosen))), waves.take(slice(len(chosen), None)))
 
     def power(self, label: int) -> DelayTable:
-        """The table of the surfaces with a label."""
+        """The delays at surfaces with a label; the opaque surface's for a label without a medium."""
         return self._tables.get(label, self._opaque)
 
     def _make_electrons(
         self, returns: _Light, run: _Run, alarm_beam: Array, alarm_m: Array, low: int, high: int
     ) -> Array:
-        """Noisy light (p, s) of packets of the beams from ``low`` to before ``high``, as electrons of a pulse of this
-        height."""
+        """Noisy light (p, s) of packets of the beams from ``low`` to before ``high``. Its unit is the electrons of a
+        pulse whose peak is that high."""
         own, sensing, detector = self.digitiser, self.measurement.sensing, self.measurement.detector
         light, places, variates = returns.add_up(run)
         base = self.measurement.steady_noise
@@ -181,8 +183,8 @@ class Recorder:
         return np.asarray(light + deviation * noise)
 
     def _correct(self, noise: Array, places: Array, wanted: Array) -> Array:
-        """What noise (p, s) of variance 1 lacks so that it has wanted values (p, e) at samples (p, e), -1 for none, and
-        keeps its spectrum: the mean of noise that is known there."""
+        """The correction (p, s) that gives noise of variance 1 its ``wanted`` values (p, e) at the samples ``places``
+        (p, e), -1 for none, and keeps its spectrum: the expected noise, given those values."""
         known = places >= 0
         at = np.where(known, places, 0)
         lacks = np.where(known, wanted - np.take_along_axis(noise, at, axis=1), 0.0)
@@ -196,7 +198,7 @@ class Recorder:
         return added
 
     def _store(self, electrons: Array) -> tuple[Array, Array]:
-        """The stored numbers (p, s) and numbers (p,) of gains of light in electrons of a pulse."""
+        """The stored numbers (p, s) and the gains (p,) of packets, from light (p, s) in electrons of a pulse."""
         detector, effects = self.measurement.detector, self.measurement.sensing.effects
         kept = np.minimum(electrons, detector.saturation) if effects.saturation else electrons
         steps = kept * (_STEPS_A_THRESHOLD / detector.threshold_electrons)
@@ -220,8 +222,8 @@ class _Light:
             self._peak_m[own] = found.range_m[own] + recorder.power(label).find(found.range_m[own]).peak_m
 
     def add_up(self, run: _Run) -> tuple[Array, Array, Array]:
-        """Light (p, s) in electrons of a pulse of this height; the samples (p, r) at the peaks of the returns of each
-        packet, -1 outside it; and the normal variates (p, r) of their noise."""
+        """Light (p, s), as electrons of a pulse whose peak is that high; the samples (p, r) at the peaks of r returns,
+        -1 outside the packet; and the normal variates (p, r) of the noise at these peaks."""
         spacing_m = self._recorder.digitiser.spacing_m
         samples = self._recorder.digitiser.samples
         low, high = np.searchsorted(self._found.beam, run.beam), np.searchsorted(self._found.beam, run.beam, "right")
@@ -251,8 +253,8 @@ class _Light:
 
 
 def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) -> tuple[Array, _Run]:
-    """The number (e,) of the packet of each event, and the packets, sorted by beam and time. An event needs
-    ``reach_m`` (e,) before and after it."""
+    """The number (e,) of the packet of each event, and the packets, sorted by beam and time. A packet must contain
+    ``reach_m`` (e,) before and after an event."""
     first = np.floor((range_m - reach_m) / digitiser.spacing_m).astype(np.int64)
     last = np.ceil((range_m + reach_m) / digitiser.spacing_m).astype(np.int64)
     order = np.lexsort((first, beam))

@@ -92,7 +92,7 @@ _REAL = np.array(
 
 
 def laser_absorption_1_m(wavelength_nm: float) -> float:
-    """Absorption coefficient 4πk/λ of pure ice in 1/m. IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Absorption coefficient 4πk/λ of pure ice in 1/m. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
     _check(wavelength_nm)
     if wavelength_nm <= _VISIBLE_NM:
         return float(ice_absorption_1_m(wavelength_nm))
@@ -101,13 +101,13 @@ def laser_absorption_1_m(wavelength_nm: float) -> float:
 
 
 def refractive_index(wavelength_nm: float) -> float:
-    """Real refractive index n of ice. IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Real refractive index n of ice. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
     _check(wavelength_nm)
     return float(np.interp(wavelength_nm, _REAL_NM, _REAL))
 
 
 def group_index(wavelength_nm: float) -> float:
-    """Index n - λ dn/dλ, which sets the speed of a pulse in ice. IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Index n - λ dn/dλ, which sets the speed of a pulse in ice. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
     slope: Array = np.gradient(_REAL, _REAL_NM)
     return refractive_index(wavelength_nm) - wavelength_nm * float(np.interp(wavelength_nm, _REAL_NM, slope))
 

@@ -12,7 +12,7 @@ from ...support.arrays import Array
 from .instrument import Instrument
 from .light_in_ice import Medium, Receiver, Waveform, make_waveform, measure_bias
 
-#: Ranges of a table, if the receiver's field makes a difference; delays are interpolated in their logarithm.
+#: Number of ranges of a table if the receiver's field cuts off light; delays are interpolated in the range's logarithm.
 _NODES = 17
 #: Nearest and farthest range of a table in metres.
 _RANGES_M = (0.1, 1e5)
@@ -37,7 +37,7 @@ class IceDelays:
 
 
 class DelayTable:
-    """The delays of a medium in a scan by an instrument. A medium with l* = 0 is a hard surface without any."""
+    """The delays of a medium in a scan by an instrument. A medium with l* = 0 is a hard surface without delay."""
 
     def __init__(self, medium: Medium, instrument: Instrument, gate_m: float = 1.0) -> None:
         """``gate_m`` is the range behind the surface to which light counts."""
@@ -70,7 +70,7 @@ class DelayTable:
 
     @cached_property
     def _biases(self) -> Array:
-        """Edge, peak, centroid, energy and height (nodes, 5)."""
+        """Edge, peak, centroid, energy and height at the table's ranges (nodes, 5)."""
         found = [measure_bias(self._medium, self._make_receiver(one)) for one in self._ranges_m.tolist()]
         height = [wave.power.max() / self._hard.power.max() for wave in self._waves]
         return np.array(
@@ -100,14 +100,14 @@ class DelayTable:
         return IceDelays(*(_mix(place, column) for column in self._biases.T))
 
     def find_edge(self, range_m: Array, amplitude_over_threshold: Array) -> Array:
-        """Delay (k,) in metres of a rising edge at a threshold, by the peak's height over it."""
+        """Delay (k,) in metres of a rising edge at a threshold, from the ratio (k,) of the peak to the threshold."""
         if self._medium.transport_m == 0.0:
             return np.zeros(len(range_m))
         before = np.sqrt(2.0 * np.log(np.maximum(amplitude_over_threshold, 1.0)))
         return _interpolate(self._locate(range_m), self._edges, _PLACES, before)
 
     def find_arrival(self, range_m: Array, share: Array) -> Array:
-        """Delay (k,) in metres of the photon that has a share (k,) of the light before it."""
+        """Delay (k,) in metres of the photon before which a share (k,) of the light arrives."""
         if self._medium.transport_m == 0.0:
             return np.zeros(len(range_m))
         return _interpolate(self._locate(range_m), self._arrivals, _SHARES, share)
@@ -117,8 +117,9 @@ class DelayTable:
         return np.asarray(np.interp(share, _SHARES, _find_quantiles(self._hard)))
 
     def find_power(self, range_m: Array, beyond_m: Array, stretch: Array) -> Array:
-        """Power (k, s) in 1/m, as range, of pulses of unit light from surfaces at ranges (k,), at places (k, s) beyond
-        them in metres. A pulse that a slope makes ``stretch`` (k,) times longer is stretched about its peak."""
+        """Received power (k, s) in 1/m of range, of pulses of unit light from surfaces at ranges (k,), at distances
+        ``beyond_m`` (k, s) in metres behind these surfaces. A pulse that a slope makes ``stretch`` (k,) times longer is
+        stretched about its peak."""
         longer = stretch[:, None]
         if self._medium.transport_m == 0.0:
             scale = self.deviation_m * longer

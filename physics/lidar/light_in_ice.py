@@ -38,10 +38,11 @@ STRONG_ABSORPTION = 0.5
 _SCATTERED_AGAIN = 8.0 / 11.0
 #: FWHM of a Gaussian over its standard deviation.
 FWHM = 2.0 * math.sqrt(2.0 * math.log(2.0))
-#: Nodes of a law, in logarithms of the path, and more by the standard deviation of the pulse.
+#: Number of nodes of a law in the logarithm of the path, and number of nodes per standard deviation of the pulse.
 _LOG_NODES, _NODES_A_DEVIATION = 500, 4.0
-#: Cells of a waveform by standard deviation, and deviations before the surface at which it begins. Light between two
-#: cells widens the waveform; with 64 cells the rising edge is then up to 1 % of its bias early.
+#: Number of cells of a waveform per standard deviation of the pulse, and standard deviations before the surface at
+#: which the waveform begins. Light between two cells widens the waveform; with 64 cells the rising edge is then up to 1
+#: % of its bias early.
 _CELLS_A_DEVIATION, _DEVIATIONS = 64.0, 5.0
 _MOST_CELLS = 400_000
 
@@ -90,15 +91,15 @@ def make_snow(
     """Snow of grains of an optical radius r.
 
     Grains cover twice their cross-section (geometric optics with diffraction), so that l* = 2 ρi r / (3 ρ (1 - g)). A
-    share φ = ρ/ρi of the volume is ice, in which paths are B = 1.6 times longer (Libois et al. 2014), hence
-    μa = B φ α. Light is slower by the same paths: the delay index is 1 - φ + B φ n, by the energy that ice holds in
-    even light. It is derived, not measured. IcyMoonError for a radius or density that no snow has.
+    share φ = ρ/ρi of the volume is ice, in which paths are B = 1.6 times longer (Libois et al. 2014), hence μa = B φ α.
+    Light is slower by the same paths: the delay index is 1 - φ + B φ n, by the energy that ice holds in even light. The
+    index is derived, not measured. Raises IcyMoonError for a radius or density that no snow has.
     """
     if not 0.0 < grain_radius_m <= 0.1:
         raise IcyMoonError(f"The grain radius is {grain_radius_m:g} m; give more than 0 and at most 0.1 m.")
     if not 0.0 < density_kg_m3 <= ICE_KG_M3:
         raise IcyMoonError(
-            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most that of ice, {ICE_KG_M3:g}."
+            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most {ICE_KG_M3:g}, as ice has."
         )
     share = density_kg_m3 / ICE_KG_M3
     return Medium(
@@ -115,8 +116,8 @@ def make_bubbly_ice(
 ) -> Medium:
     """Ice with air bubbles of radius a and volume share f: l* = 4a / (3 f (1 - g)), as for the surfaces' colours.
 
-    With ``smooth_surface`` the ice reflects leaving light back by Fresnel's formulas, which lengthens paths; weathered
-    ice has rather frost on it. IcyMoonError for a radius or share that no ice has.
+    With ``smooth_surface`` the surface reflects leaving light back by Fresnel's formulas, which lengthens paths;
+    weathered ice rather has frost on it. Raises IcyMoonError for a radius or share that no ice has.
     """
     if not 0.0 < bubble_radius_m <= 1.0:
         raise IcyMoonError(f"The bubble radius is {bubble_radius_m:g} m; give more than 0 and at most 1 m.")
@@ -329,7 +330,7 @@ def _split_law(medium: Medium, receiver: Receiver, depth: float) -> tuple[Array,
 
 @dataclass(frozen=True)
 class RangeBias:
-    """How much too long a range is, in metres, by what is timed: half of the peak on the rising edge, the peak, or the
+    """The excess of a range in metres if the receiver times half of the peak on the rising edge, the peak, or the
     centroid in the gate; and the share of the light that the receiver sees in the gate."""
 
     edge_m: float
@@ -374,9 +375,10 @@ def _time_waveform(wave: Waveform) -> tuple[float, float, float]:
 def measure_return_biases(
     medium: Medium, receiver: Receiver, field_radius_m: Array, depth: float = ALONG_BEAM, nodes: int = 24
 ) -> ReturnBiases:
-    """The bias truth (n,) of returns from the same medium whose fields have radii (n,) in metres, as range makes them.
+    """The true biases (n,) of returns from one medium. ``field_radius_m`` (n,) is the radius in metres of the
+    receiver's field at each return's range.
 
-    Computed at ``nodes`` radii and interpolated in their logarithm; exact if the radii are alike."""
+    Biases are computed at ``nodes`` radii and interpolated in the radius' logarithm; exact if all radii are equal."""
     radius = np.asarray(field_radius_m, np.float64)
     if radius.size == 0:
         return ReturnBiases(*(np.zeros(radius.shape) for _ in range(4)))

@@ -34,8 +34,8 @@ _S_PER_M = 2.0 / LIGHT_M_S
 @dataclass(frozen=True)
 class AnalogReceiver:
     """An avalanche photodiode whose threshold is at ``threshold`` times its noise without light. ``timing``,
-    ``jitter_s``, ``resolution_m`` and ``saturation`` (in electrons) are those of ``Detector``. ``corrects_walk``: the
-    instrument subtracts the walk of a pulse of the intensity that it states."""
+    ``jitter_s``, ``resolution_m`` and ``saturation`` (in electrons) are as in ``Detector``. With ``corrects_walk`` the
+    instrument subtracts the walk that a pulse of the measured intensity has."""
 
     apd: Apd
     threshold: float = 6.0
@@ -73,7 +73,7 @@ class AnalogReceiver:
 
 @dataclass(frozen=True)
 class PhotonCounter:
-    """A detector that fires at the first photon after the gate opens, once a beam: its quantum efficiency, dark counts
+    """A detector that fires once a beam, at the first photon after the gate opens: its quantum efficiency, dark counts
     in Hz, jitter in s, and the step of the range in metres."""
 
     efficiency: float = 0.3
@@ -123,8 +123,8 @@ class Alarms:
 
 @dataclass(frozen=True)
 class Sensing:
-    """What happens to light beyond a surface and in the detector: the medium by the label of triangles (opaque without
-    one), the detector (None: none), sunlight in photons per second on it, the effects, and the seed and number of the
+    """The causes of delay and noise: ``media`` by the label of triangles (a label without a medium is opaque), the
+    ``detector`` if there is one, sunlight on it in photons per second, its effects, and the seed and number of the
     scan. ``gate_m`` is the range behind a surface to which light from ice counts."""
 
     media: Mapping[int, Medium]
@@ -138,9 +138,10 @@ class Sensing:
 
 @dataclass(frozen=True)
 class Pulses:
-    """Returns (k,) as an analog receiver has them: the electrons ``whole`` of all their light, and ``light`` of a pulse
-    of their height; the standard deviation of the pulse in s; noise at the peak in electrons, the normal variates
-    (2, k) of amplitude and jitter, the noisy ``amplitude``, and the delay of the centroid in ice in metres."""
+    """Returns (k,) in an analog receiver. ``whole`` are the electrons of all light of a return; ``light`` are the
+    electrons of an undistorted pulse with the return's peak. ``deviation_s`` is the pulse's standard deviation,
+    ``noise`` the noise at the peak in electrons, ``drawn`` (2, k) the normal variates of amplitude and jitter,
+    ``amplitude`` the noisy ``light``, and ``centroid_m`` the delay of the centroid in ice in metres."""
 
     whole: Array
     light: Array
@@ -176,19 +177,19 @@ class Measurement:
 
     def measure(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
         """Measure all returns of the beams from number ``first`` to before ``end``, in the order of ``find_returns``.
-        Also the numbers of the beams (a,) with a false alarm, and its range (a,) in metres."""
+        Also returns the numbers (a,) of the beams with a false alarm, and the alarms' ranges (a,) in metres."""
         detector = self.sensing.detector
         assert detector is not None
         run = self._count_photons if isinstance(detector, PhotonCounter) else self._compare
         return run(found, first, end)
 
     def _by_medium(self, found: Returns) -> list[tuple[DelayTable, Array]]:
-        """The tables of the surfaces of returns, with the indices of the returns."""
+        """The table of each surface that returns come from, with the indices of these returns."""
         labels = np.unique(found.label).tolist()
         return [(self._tables.get(label, self._opaque), np.flatnonzero(found.label == label)) for label in labels]
 
     def _delays(self, found: Returns) -> Array:
-        """Edge, peak, centroid, energy and height (5, k)."""
+        """The values of ``IceDelays`` of returns (5, k): edge, peak, centroid, energy and height."""
         made = np.zeros((5, len(found)))
         for table, own in self._by_medium(found):
             each = table.find(found.range_m[own])
@@ -216,7 +217,7 @@ class Measurement:
         return float(find_noise(self.detector, np.asarray(self.background_electrons), self.sensing.effects))
 
     def expect_pulses(self, found: Returns, first: int, end: int) -> Pulses:
-        """What an analog receiver has of all returns (k,) of the beams from number ``first`` to before ``end``."""
+        """The pulses in an analog receiver of all returns (k,) of the beams from number ``first`` to before ``end``."""
         own, effects, detector = self.sensing, self.sensing.effects, self.detector
         receiver = own.detector
         assert isinstance(receiver, AnalogReceiver)
@@ -231,7 +232,7 @@ class Measurement:
         return Pulses(whole, light, deviation_s, noise, drawn, light + noise * drawn[0], centroid)
 
     def _compare(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
-        """Measure by a threshold."""
+        """``measure`` with an analog receiver."""
         effects, detector, receiver = self.sensing.effects, self.detector, self.sensing.detector
         assert isinstance(receiver, AnalogReceiver)
         base, pulses = self.steady_noise, self.expect_pulses(found, first, end)
@@ -263,8 +264,8 @@ class Measurement:
     def _raise_alarms(
         self, found: Returns, measured: Measured, rate_hz: float, first: int, end: int
     ) -> tuple[Array, Array]:
-        """The first false alarm of each beam in the gate, the last one for an instrument that reports the last return;
-        and only those that the instrument reports in place of a return, or beside returns if it reports all."""
+        """Beams and ranges of reported false alarms: the first in the gate, or the last if the instrument reports the
+        last return. An instrument that reports one return a beam reports an alarm only in its place."""
         near, far = self.instrument.nearest_m, self.instrument.farthest_m
         wait_m = draw_beam_waits(first, end, self.sensing.seed, self.sensing.scan)
         wait_m = wait_m / max(rate_hz * _S_PER_M, 1e-300)
@@ -287,8 +288,8 @@ class Measurement:
         return beam + first, at
 
     def _count_photons(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
-        """Stop at the first photon of each beam: where the expected photons since the gate opened reach an exponential
-        variate."""
+        """``measure`` with a photon counter, which stops at the first photon of each beam: where the expected photons
+        since the gate opened reach an exponential variate."""
         own, effects = self.sensing, self.sensing.effects
         counter = own.detector
         assert isinstance(counter, PhotonCounter)
@@ -337,8 +338,8 @@ class Measurement:
 
 
 def select_measured(found: Returns, measured: Measured, reported: str) -> Array:
-    """Indices of the returns that an instrument reports of what it has detected: all, or one of each beam, by the
-    measured range or intensity. A beam without a detected return keeps the one that it would have reported."""
+    """Indices of the returns that an instrument reports: all, or one of each beam, chosen among detected returns by
+    measured range or intensity. A beam without a detected return keeps the return chosen by true range or energy."""
     if reported == "ALL" or not len(found):
         return np.arange(len(found))
     true = {"FIRST": found.range_m, "LAST": -found.range_m, "STRONGEST": -found.energy_j}[reported]

@@ -1,4 +1,5 @@
-"""The effects of a detector that can be switched, and the random stream of each: one off leaves the others' numbers."""
+"""The effects of a detector that can be switched off, each with its own random stream, so that one switched off changes
+no other."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 from ...support.arrays import Array
 from ..random_numbers.seeds import make_generator
 
-#: Child of the seed stream "lidar" of each effect, after the number of the scan; never renumbered.
+#: The child of the seed stream "lidar" and the scan's number from which each effect draws; never renumbered.
 AMPLITUDE, JITTER, ALARMS, WAVEFORM, ARRIVALS, RETURNS, GATES = range(7)
-#: Returns of a beam, and packets of its waveform, that have random numbers of their own; a later one has those of an
-#: earlier one.
+#: Number of returns of a beam, and of packets of its waveform, with independent random numbers; later returns and
+#: packets use the same numbers again.
 _SLOTS = 4
 
 
@@ -35,8 +36,9 @@ IDEAL = Effects(False, False, False, False, False, False, False, False)
 
 
 def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: int, scan: int = 0) -> Array:
-    """Two normal variates (2, k) for each of k returns of the beams from number ``first`` to before ``end``, by the
-    number of the beam and of the return in it, so that they do not depend on the beams that are processed together."""
+    """Two normal variates (2, k) for each of k returns of the beams from number ``first`` to before ``end``. They
+    depend only on seed, scan, the number of the beam and the return's ``order`` in it, not on the beams processed
+    together."""
     random = make_generator(seed, "lidar", scan, RETURNS)
     _skip(random, first * _SLOTS * 2)
     drawn = random.random((end - first, _SLOTS, 2))[beam - first, (order.astype(np.int64) - 1) % _SLOTS]
@@ -47,8 +49,8 @@ def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: i
 def draw_sample_normals(
     beam: Array, slot: Array, first: int, end: int, samples: int, seed: int, scan: int = 0
 ) -> Array:
-    """Normal variates (p, samples) for packets of waveforms of the beams from number ``first`` to before ``end``, by
-    the number (p,) of the beam and ``slot`` (p,) of the packet in it; an even number of samples."""
+    """Normal variates (p, samples) for packets of the beams from number ``first`` to before ``end``. They depend only
+    on seed, scan, the number ``beam`` (p,) and the packet's ``slot`` (p,) in the beam. ``samples`` is even."""
     drawn = np.zeros((len(beam), samples))
     for one in np.unique(slot % _SLOTS).tolist():
         random = make_generator(seed, "lidar", scan, WAVEFORM, one)
@@ -61,14 +63,15 @@ def draw_sample_normals(
 
 
 def draw_beam_waits(first: int, end: int, seed: int, scan: int = 0) -> Array:
-    """An exponential variate of mean 1 for each beam from number ``first`` to before ``end``, by its number."""
+    """An exponential variate of mean 1 for each beam from number ``first`` to before ``end``; it depends on seed, scan
+    and number."""
     random = make_generator(seed, "lidar", scan, GATES)
     _skip(random, first)
     return np.asarray(-np.log1p(-random.random(end - first)))
 
 
 def _skip(random: np.random.Generator, count: int) -> None:
-    """Leave out ``count`` doubles of a generator, each of which is one number of its bits."""
+    """Skip ``count`` doubles of a generator, each of which takes one 64-bit number."""
     bits = random.bit_generator
     assert isinstance(bits, np.random.PCG64)
     bits.advance(count)

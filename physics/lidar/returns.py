@@ -11,8 +11,8 @@ import numpy as np
 from ...support.arrays import Array
 from .beam import SubRays
 
-#: A beam of n rays has a gate that is longer by this over n. With it 20 and 60 rays divide rocks as 2401 rays do; the
-#: study ``lidar_beams`` in benchmarks/ measures it.
+#: The gate of a beam of n rays is longer by this number over n. With it 20 and 60 rays divide rocks as 2401 rays do;
+#: the study ``lidar_beams`` in benchmarks/ measures it.
 _GATE_PER_RAY = 2.5
 #: The returns of a beam that an instrument reports.
 Reported = Literal["ALL", "FIRST", "STRONGEST", "LAST"]
@@ -37,13 +37,14 @@ class Returns:
     """Returns (k,) in the order of their beams, and by range within a beam.
 
     ``beam`` int64 is the beam's number; ``order`` and ``of`` uint8 are the return's number in the beam, from 1, and how
-    many returns the beam has. ``range_m`` is the mean of its rays, each weighted by the energy that comes back by it,
-    ``energy_j`` their sum, ``spread_m`` the standard deviation of their ranges, and ``share`` the share of the pulse
-    that met these surfaces. ``point_m`` (k, 3) is at this range along the beam's axis, in the axes of ``direction``.
+    many returns the beam has. ``range_m`` is the mean range of the return's rays, weighted by the energy that each
+    brings back, ``energy_j`` the sum of these energies, ``spread_m`` the standard deviation of the ranges, and
+    ``share`` the share of the pulse that met these surfaces. ``point_m`` (k, 3) is at this range along the beam's axis,
+    in the axes of ``direction``.
 
-    The truth: a return that the beam's axis belongs to has the surface on the axis, any other the surface of its ray
-    next to the axis. ``true_range_m``, ``true_point_m`` (k, 3), ``incidence_rad``, the facet's ``normal`` (k, 3),
-    ``label`` uint8 and ``number`` int64; ``on_axis`` tells which.
+    The truth belongs to one surface: the surface on the beam's axis if the axis is part of the return (``on_axis``),
+    otherwise the surface of the return's ray nearest to the axis. It is ``true_range_m``, ``true_point_m`` (k, 3),
+    ``incidence_rad``, the facet's ``normal`` (k, 3), ``label`` uint8 and ``number`` int64.
     """
 
     beam: Array
@@ -73,11 +74,11 @@ class Returns:
 def find_returns(echoes: Echoes, rays: SubRays, gate_m: float, first_beam: int = 0) -> Returns:
     """The returns of beams whose rays are ``rays``.
 
-    A return ends where the next farther ray is more than the gate farther, unless two neighbouring rays on both sides
-    of this gap meet one surface: the plane of one comes within ``gate_m`` of the point of the other. So a plane at a
-    grazing angle is one return, however long it is. The gate is ``gate_m``, and wider for few rays, which leave gaps
-    in surfaces that are not plane. Rays without energy make no return. Points are in metres from the sensor;
-    ``first_beam`` is added to the numbers of beams.
+    A return ends where the next ray is farther by more than the gate, unless two neighbouring rays on both sides of
+    this gap meet one surface: the plane at one hit comes within ``gate_m`` of the other hit. So a plane at a grazing
+    angle is one return, however long it is. The gate is ``gate_m``, and wider for few rays, which leave gaps in uneven
+    surfaces. Rays without energy make no return. Points are in metres from the sensor; ``first_beam`` is added to the
+    numbers of beams.
     """
     sorting = np.argsort(echoes.range_m, axis=1, kind="stable")
     beams, place = np.nonzero(np.isfinite(np.take_along_axis(echoes.range_m, sorting, axis=1)))
@@ -186,7 +187,7 @@ def join_returns(parts: Iterable[Returns]) -> Returns:
     )
 
 
-#: Of a scan in which nothing comes back.
+#: The returns of a scan in which nothing comes back.
 NO_RETURNS = Returns(
     np.zeros(0, np.int64),
     np.zeros(0, np.uint8),

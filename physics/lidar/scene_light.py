@@ -13,11 +13,11 @@ from .sun_background import background_photons_1_s
 def find_scene_media(
     settings: Settings, wavelength_nm: float, grain_radius_m: float | None = None, density_kg_m3: float | None = None
 ) -> tuple[dict[int, Medium], dict[str, str]]:
-    """The media of ground and rocks by their labels, and a clause on each by its name.
+    """The media of ground and rocks by label, and a clause for reports on each by the names "terrain" and "rocks".
 
-    Grains and bubbles are the surface's own; a grain radius in metres makes both of them snow. The density of snow is
-    by default that of the excavation's settings, the only one that a scene has. Raises IcyMoonError for grains,
-    densities and wavelengths outside the tables."""
+    Grains and bubbles come from the settings of each surface; a grain radius in metres makes both surfaces snow. The
+    default density of snow is from the excavation's settings, the only density that a scene states. Raises IcyMoonError
+    for grains, densities and wavelengths outside the tables."""
     density = float(settings.excavation.density_kg_m3) if density_kg_m3 is None else density_kg_m3
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     media, words = {}, {}
@@ -43,8 +43,8 @@ def find_scene_media(
 def find_sunlight_1_s(
     settings: Settings, instrument: Instrument, filter_nm: float, sine_of_elevation: float, law: Backscatter
 ) -> tuple[float, str]:
-    """Sunlight in photons per second on the detector from level ground without shadow, and a clause on it. It is
-    left out for an instrument without a stated filter (``filter_nm`` 0) or field of view."""
+    """Sunlight in photons per second on the detector from level ground without shadow, and a clause on it for reports.
+    Sunlight is 0 for an instrument without a stated filter (``filter_nm`` 0) or field of view."""
     if not filter_nm:
         return 0.0, "left out, because the detector's file states no filter (detector.filter_nm)"
     if instrument.field_half_angle_rad >= 1.0:

@@ -69,8 +69,9 @@ def draw_first_counts(photons: Array, seed: int, scan: int = 0) -> Array:
 
 
 def correct_pile_up(counts: Array, shots: int, dead_bins: int | None = None) -> Array:
-    """Expected photons (bins,) that a histogram means: -ln(1 - h_i over the shots in which the detector was awake), by
-    Coates 1968, Journal of Physics E 1, 878. NaN where it was never awake, infinite where it always fired."""
+    """Expected photons (bins,) from the counts of a histogram: -ln(1 - h_i / n_i), where n_i is the number of shots in
+    which the detector was awake at bin i (Coates 1968, Journal of Physics E 1, 878). NaN where the detector was never
+    awake, infinite where it always fired."""
     counted = np.asarray(counts, np.float64)
     before = np.concatenate([[0.0], np.cumsum(counted)])
     bins = np.arange(len(counted))

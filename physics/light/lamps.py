@@ -1,9 +1,8 @@
 """Lamps: their radiant power, their intensity and their factors at evaluation. Imports no Blender.
 
 A lamp's stated light is its radiant power from 400 to 700 nm. Within these wavelengths its spectrum is a black body's
-of its colour temperature. The channels of a pair count light as if all wavelengths were as bright, relative to
-sunlight, as the visible ones, see ``bands``. So a lamp of Φ watts counts as Φ over the share of sunlight from 400 to
-700 nm.
+of its colour temperature. A pair's channels state visible light relative to visible sunlight, times all sunlight, see
+``bands``. So a lamp of Φ watts counts as Φ over the share of sunlight from 400 to 700 nm.
 """
 
 from __future__ import annotations

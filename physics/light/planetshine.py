@@ -47,8 +47,8 @@ class Planet:
     sun_irradiance_wm2: float
     geometric_albedo: float
     phase_law: str  # "LAMBERT", "JUPITER" or "SATURN"
-    rings: tuple[Ring, ...] = ()  # in the plane of its equator; they shade it, ``saturn_rings`` says how they look
-    face: str = "PLAIN"  # or a key of ``planet_face.FACES``; it changes nothing here
+    rings: tuple[Ring, ...] = ()  # in the plane of its equator; they shade it, and ``saturn_rings`` makes their mesh
+    face: str = "PLAIN"  # or a key of ``planet_face.FACES``; this module ignores it
     spot_longitude_deg: float = 0.0  # of its Red Spot, east of the meridian that faces the site
 
     def _values(self) -> tuple[Any, ...]:
@@ -58,7 +58,7 @@ class Planet:
         return isinstance(other, Planet) and self._values() == other._values()
 
     def __hash__(self) -> int:
-        return self._values().__hash__()  # to be found in a cache; it decides nothing that is made
+        return self._values().__hash__()  # for caches only; no result depends on it
 
     @property
     def phase_deg(self) -> float:
@@ -180,7 +180,7 @@ class CapNodes:
     solid_angle: Array  # (n, 2n) sr; 0 below the horizon
 
 
-@lru_cache(maxsize=4)  # to find 96 takes 4 ms, and a slider of the Sun asks three times a step
+@lru_cache(maxsize=4)  # finding 96 nodes takes 4 ms, and a slider of the Sun needs them three times a step
 def _find_gauss_nodes(n: int) -> tuple[Array, Array]:
     """Nodes and weights (n,) of Gauss-Legendre quadrature from -1 to 1."""
     return np.polynomial.legendre.leggauss(n)

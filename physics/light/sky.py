@@ -47,8 +47,8 @@ class Sky:
     planet: Planet | None
     eclipse: float  # share of the Sun's disc that the planet hides, shown or not
     from_j2000: Array  # (3, 3) from the J2000 equatorial to the local frame
-    sun_distance_m: float = 0.0  # of a lamp in its place from the origin of the site; 0 for the real Sun
-    place: SkyPlace | None = None  # the site of a map that it is over; None for the place of the ``light`` settings
+    sun_distance_m: float = 0.0  # from the site's origin to a lamp in the Sun's place; 0 for the real Sun
+    place: SkyPlace | None = None  # the site of a map that has this sky; None for the place of the ``light`` settings
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -139,8 +139,8 @@ def check_body(
 def compute_sky(light: LightSettings, blend_folder: str | None = None, place: SkyPlace | None = None) -> Sky:
     """The sky that ``light`` settings describe; ``blend_folder`` replaces // in ``kernels``.
 
-    With a ``place`` a sky of a date is that over it, turned so that the map's up is y. Raises IcyMoonError if it
-    is to come from a date or from kernels and cannot.
+    With a ``place``, the sky of a date is computed over that place and turned so that y is the map's up. Raises
+    IcyMoonError if the sky cannot be computed from the stated date or kernels.
     """
     if light.directions_from != "ANGLES":
         return _sky_at_date(light, blend_folder, place)

@@ -26,8 +26,8 @@ def uses_sky_of_site(settings: Settings) -> bool:
 
 
 def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPlace | None:
-    """The place on a map (``geotiff.MapPlace.to_json``) whose sky the settings ask for; None if they ask for the sky at
-    the place of the ``light`` settings, or if the map states no longitude and latitude."""
+    """The place on a map (``MapPlace.to_json``) whose sky the settings ask for; None if they ask for the sky at the
+    place of the ``light`` settings, or if the map states no longitude and latitude."""
     if not uses_sky_of_site(settings) or place is None or place["latitude_deg"] is None:
         return None
     source = settings.source
@@ -41,8 +41,8 @@ def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPl
 
 
 def warn_sky_of_another_site(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
-    """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is not the
-    place of the ``light`` settings, or the map's up is not north."""
+    """Sentences if directions follow from a date and the ``place`` on a map (``MapPlace.to_json``) is not the place of
+    the ``light`` settings, or the map's up is not north."""
     if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:
         return []
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])

@@ -1,8 +1,8 @@
 """Stars as the cameras see them: the brightest real stars, and fainter ones in realistic numbers.
 
 A star's V magnitude is converted to the irradiance, over all wavelengths, of sunlight with the same light in V. A
-camera that takes its band from sunlight so gets the right number of photons at 550 nm. The star's colour is a black
-body's, scaled to a mean of 1 over the bands R, G, B.
+camera whose band is a share of sunlight therefore gets the right number of photons at 550 nm. The star's colour is a
+black body's, scaled to a mean of 1 over the bands R, G, B.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ from ..terrain.landforms.landform import smooth_step
 from .height_map import fill_holes
 from .nested_rings import Level
 
-#: Known share of the square around a place from which on the map counts there: at a straight edge it is a half.
+#: The map counts at a place if at least this share of the square around it is known; at a straight edge a half is
+#: known.
 _LEAST_SHARE = 0.5 - 1e-6
 
 
@@ -27,9 +28,9 @@ class LevelMeans:
 
 @dataclass(frozen=True)
 class BlendedMaps:
-    """Heights (n, n) in metres of each level, NaN where no map has ground. ``offset_m`` is the mean of the fine heights
-    minus the coarse ones where both are blended; it was added to the coarse ones. ``apart_m`` is the RMS of the
-    remaining differences. Both are None without a blend."""
+    """Heights (n, n) in metres of each level, NaN where no map has ground. ``offset_m`` is the mean of fine minus
+    coarse heights where both are blended; it was added to the coarse heights. ``apart_m`` is the RMS of the remaining
+    differences. Both are None without a blend."""
 
     heights_m: list[Array]
     offset_m: float | None = None

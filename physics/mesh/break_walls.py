@@ -212,8 +212,8 @@ def _find_border(faces: Array, near: Array) -> Array:
 
 
 def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
-    """Long sides (k, 2) of walls; for each triangle with one, the indices (c, 3) of its sides among them, or -1; and
-    these triangles (c,)."""
+    """The long sides (k, 2) of walls; for each of c triangles with a long side, the indices (c, 3) of its sides in that
+    list, -1 for short sides; and the indices (c,) of these triangles."""
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
     wall = near[wall_steepness(face_normals(positions, faces[near])) > 0.0]
     sides = _triangle_sides(faces[wall]).reshape(-1, 2)

@@ -41,7 +41,7 @@ CARRIED_SPACING = 1.0 / 1.5
 PARTS_OF_SIDE = 3
 #: Settings of the surface on which a mesh with fine relief depends.
 RELIEF_SETTINGS = ("relief", "grain_size_m", "grain_amplitude_m")
-#: Settings of the rig on which it depends, beside ``grading.GRADING_RIG_SETTINGS``.
+#: Settings of the rig on which such a mesh depends, beside ``vertex_spacing.GRADING_RIG_SETTINGS``.
 RELIEF_RIG_SETTINGS = (
     "pitch_deg",
     "heading_deg",

@@ -20,8 +20,9 @@ def cut_hole(
     the hole.
 
     Triangles are removed if their box meets the rectangle west, south, east, north, widened by ``free_m``; if they are
-    at a vertex where the rim would meet itself; or if they are across a seam from removed ones, where several small
-    triangles lie along a side of one. None if the rim is not one closed loop, or if the mesh does not surround it.
+    at a vertex where the rim would meet itself; or if a seam joins them to removed triangles. At a seam several small
+    triangles lie along one side of a larger triangle. None if the rim is not one closed loop, or if the mesh does not
+    surround it.
     """
     west, south, east, north = bounds_m
     meets = np.ones(len(faces), bool)
@@ -52,7 +53,7 @@ def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, A
         grown, across = meets.copy(), owners[sides]
         while len(across) and (open_seams := grown[across[:, 0]] != grown[across[:, 1]]).any():
             grown[across[open_seams]] = True
-        if (grown == meets).all():  # else those that were added may have seams of their own
+        if (grown == meets).all():  # the added triangles may have seams too
             break
         meets = grown
     rim, _ = _find_rim_edges(faces[meets])

@@ -107,9 +107,9 @@ def _count_groups(label: Array) -> int:
 
 @dataclass(frozen=True)
 class _Edges:
-    """Half-edges, sorted by their edges. ``face`` and ``forward`` (k,)
-    belong to the half-edge; ``first`` (e,) is where an edge starts and ``count`` (e,) its faces;
-    ``ends`` (e, 2) are its vertices, the smaller first."""
+    """The half-edges of faces, sorted by edge. ``face`` (k,) is the face of a half-edge; ``forward`` (k,) is true if it
+    runs from the smaller to the larger vertex. ``first`` (e,) is the first half-edge of an edge, ``count`` (e,) its
+    number of half-edges, and ``ends`` (e, 2) its vertices, the smaller first."""
 
     face: Array
     forward: Array

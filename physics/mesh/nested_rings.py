@@ -15,8 +15,8 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Fewest and most cells along the inner side of a ring: seen from the middle, a cell is as wide as a sixteenth to a
-#: hundred-and-twenty-eighth of its distance.
+#: Fewest and most cells along the inner side of a ring: a cell is then as wide as 1/16 to 1/128 of its distance from
+#: the middle.
 _FEWEST_CELLS, _MOST_CELLS = 32, 256
 #: Fewest cells across a ring, so that widths double gradually.
 _FEWEST_ACROSS = 2
@@ -28,8 +28,9 @@ _MULTIPLE = 4
 
 @dataclass(frozen=True)
 class Level:
-    """The patch, or a ring around it: half of the side of its outer square in metres, the width of its cells, the
-    number of cells along its inner side, 0 for the patch, and along its outer side."""
+    """The patch, or a ring around it. ``half_m`` is half the side of its outer square and ``cell_m`` the width of its
+    cells, in metres. ``inner`` and ``outer`` are the numbers of cells along the sides of its inner square (0 for the
+    patch) and of its outer square."""
 
     half_m: float
     cell_m: float
@@ -38,12 +39,12 @@ class Level:
 
     @property
     def across(self) -> int:
-        """Cells from the inner square to the outer square."""
+        """Number of cells from the inner square to the outer square."""
         return (self.outer - self.inner) // 2
 
     @property
     def axis_m(self) -> Array:
-        """Coordinates (outer + 1,) of the lines of its lattice, which includes the inner square."""
+        """Coordinates (outer + 1,) in metres of the lines of the lattice, which covers the inner square too."""
         return np.linspace(-self.half_m, self.half_m, self.outer + 1)
 
     @property
@@ -61,8 +62,8 @@ class Level:
 
 
 def count_cells(vertices: int) -> int:
-    """Cells along a side of a patch with rings, for a wanted number of vertices along it: as many or up to three more
-    than without rings."""
+    """Number of cells along a side of a patch with rings, for a wanted number of vertices along it: up to three more
+    than without rings, to be a multiple of four."""
     return _MULTIPLE * math.ceil((vertices - 1) / _MULTIPLE)
 
 
@@ -115,7 +116,7 @@ def build_rings(levels: Sequence[Level]) -> RingMesh:
 
 
 def _halve_cells(index: Array, level: Level) -> Array:
-    """Two triangles of each cell of a lattice of vertices that is outside the inner square and not beside it."""
+    """Two triangles for each cell of a level's lattice, except for cells inside or beside the inner square."""
     wanted = np.ones((level.outer, level.outer), bool)
     if level.inner:
         inside, wide = (slice(level.across - k, level.across + level.inner + k) for k in (0, 1))
@@ -127,10 +128,11 @@ def _halve_cells(index: Array, level: Level) -> Array:
 
 
 def _join_to_inside(index: Array, before: Array, level: Level) -> list[Array]:
-    """Three triangles of each cell beside the inner square, whose vertices are those of the level ``before``."""
+    """Three triangles for each cell beside the inner square. The vertex amid the cell's inner side is from the lattice
+    ``before``, the next level inward."""
     low, high = level.across, level.across + level.inner
     k = np.arange(low, high)
-    sides = (  # outer side in the order of its triangles, inner side beside it, and the vertices amid the inner side
+    sides = (  # two vertices of the outer side, two of the inner side, and the vertex amid the inner side
         (index[low - 1, k], index[low - 1, k + 1], index[low, k + 1], index[low, k], before[0, 1::2]),
         (index[high + 1, k + 1], index[high + 1, k], index[high, k], index[high, k + 1], before[-1, 1::2]),
         (index[k + 1, low - 1], index[k, low - 1], index[k, low], index[k + 1, low], before[1::2, 0]),

@@ -124,7 +124,7 @@ def _add_block(sums: Array, squares: Squares, values: Array, first_row: int, fir
 
 
 def _add_full_block(sums: Array, squares: Squares, rows: int, columns: int, first_row: int, first_column: int) -> None:
-    """``_add_block`` of ones, as a product."""
+    """``_add_block`` for values that are all 1, computed as a product."""
     across = _find_touched(squares.columns, squares.half[0], first_column, columns)
     down = _find_touched(squares.rows, squares.half[1], first_row, rows)
     x, y = squares.columns[across], squares.rows[down]

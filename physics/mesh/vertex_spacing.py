@@ -42,7 +42,7 @@ _ERROR_STEP = 1.05
 #: double the error: straight lines between points of the ground are nearer to it than lines between points of a
 #: smoothed ground. Much shorter waves only make the points noisy.
 CARRIED_WAVELENGTH = 0.7
-#: Greatest ratio of the relief to the relief of a sample of the ground.
+#: Largest relief of the ground, over the relief of its sampled points.
 _RELIEF_MARGIN = 1.25
 #: Least distance at which ground is seen, over the camera's height, even if the ground rises toward it.
 _LEAST_DISTANCE = 0.25
@@ -119,7 +119,7 @@ class VertexSpacing:
 
     @functools.cached_property
     def _logarithms(self) -> tuple[Array, Array]:
-        """Of the distances and of the spacings, since rings ask for spacings one by one."""
+        """Logarithms of the distances and of the spacings, cached because rings ask for spacings one by one."""
         return np.log(self.nearest_m), np.log(self.spacing_m)
 
     @property

@@ -55,12 +55,12 @@ class Projector:
 
     @property
     def cone_deg(self) -> float:
-        """Full angle of the cone around its field."""
+        """Full angle in degrees of the cone around the projector's field."""
         return 2 * math.degrees(math.atan(math.hypot(self.columns, self.rows) / 2 / self.focal_px))
 
     @property
     def solid_angle_sr(self) -> float:
-        """Solid angle of its field."""
+        """Solid angle of the projector's field in sr."""
         x, y = self.columns / 2 / self.focal_px, self.rows / 2 / self.focal_px
         return 4 * math.asin(x * y / math.sqrt((1 + x * x) * (1 + y * y)))
 
@@ -71,11 +71,12 @@ class Projector:
 
     @property
     def cone_power_w(self) -> float:
-        """Power of a lamp with its intensity in the whole cone around its field."""
+        """Power in W of a lamp that has the projector's intensity in the whole cone around its field."""
         return self.power_w / self.share_of_cone
 
     def place(self, left_eye: Array) -> Array:
-        """Its matrix (4, 4) to the world, axes right, down and ahead, from that of the left eye."""
+        """The pose (4, 4) of the projector in the world, axes right, down and ahead, from the pose (4, 4) of the left
+        eye."""
         turn, tilt = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
         about_down = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
         about_right = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])

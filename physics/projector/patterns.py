@@ -23,8 +23,8 @@ _LEAST_SHIFTS = 3
 
 @dataclass(frozen=True)
 class Pattern:
-    """What a projector shows: one pattern of dots, one of stripes, or a sequence of Gray code and phase. ``dots`` is
-    their number, ``dot_px`` their diameter, ``period_px`` the period of stripes, ``shifts`` the number of their phases.
+    """The patterns of a projector: one of dots, one of stripes, or a sequence of Gray code and phase. ``dots`` is their
+    number, ``dot_px`` their diameter, ``period_px`` the period of stripes, ``shifts`` the number of their phases.
     """
 
     kind: str = "DOTS"
@@ -80,7 +80,7 @@ def make_stripes(projector: Projector, period_px: float, shift_rad: float = 0.0)
 
 
 def count_gray_bits(projector: Projector, period_px: float) -> int:
-    """Number of Gray patterns that number the halves of all periods."""
+    """Number of Gray patterns, bits, that give each half period its own number."""
     return max(1, math.ceil(math.log2(projector.columns / (period_px / 2))))
 
 

@@ -17,7 +17,7 @@ from .place_rocks import LEVEL_RANKS
 from .rock_shapes import RockShape, make_rock_shapes
 
 OWN = "OWN"
-#: Most triangles of a rock, those of broken ice in the foreground: there are thousands of rocks.
+#: Most triangles of a rock: as many as broken ice has in the foreground. A scene has thousands of rocks.
 MOST_TRIANGLES = 20480
 #: By suffix: reader and name of a format; most triangles that are read, and largest file in bytes.
 _FORMATS = {".obj": (obj.parse_triangles, "an OBJ mesh"), ".stl": (stl.parse_triangles, "an STL mesh")}

@@ -1,8 +1,8 @@
 """Masks that a user paints over the patch: where rocks, dirt and frost lie.
 
 A mask is an image over the square of ``terrain.size_m`` about the origin, seen from above, north up: 0 is nowhere, 1 is
-as much as without a mask. Between the centres of its pixels it is bilinear, and beyond the centres of the outermost
-ones it stays as there, as Blender shows an image. So the rocks of a build and its surfaces follow the same mask.
+as much as without a mask. Between the centres of its pixels a mask is bilinear; beyond the outermost centres it is
+constant. Blender shows images in the same way, so the rocks of a build and its surfaces follow the same mask.
 """
 
 from __future__ import annotations

@@ -180,10 +180,10 @@ def scatter_rocks(
     radius). A rock lies along the slope under it. Its deepest vertex is at or under the deepest ground of its
     footprint, and at or under the ground beneath that vertex, so no rock floats. With a view ``beyond``, rocks also lie
     outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
-    ``rocks.file``, whose path is absolute, and no rocks lie outside. A painted mask, ``rocks.mask_file``, leaves
-    each rock with the share of the mask at its place as chance, and moves no other. Of ``most_seen`` rocks that look
-    largest from the centre of the circle, all is as it would be among all others, and the others are left out. Raises
-    IcyMoonError if the settings contradict each other or the mask cannot be read.
+    ``rocks.file``, whose path is absolute, and no rocks lie outside. A painted mask, ``rocks.mask_file``, keeps each
+    rock with a probability equal to the mask at its place, and moves no rock. With ``most_seen`` only that many rocks
+    are returned, those that look largest from the centre of the circle, unchanged by the limit. Raises IcyMoonError if
+    the settings contradict each other or the mask cannot be read.
     """
     draw = _draw_rocks if most_seen is None or rocks.law == TABLE or is_masked(rocks) else _draw_few
     drawn = draw(
@@ -223,7 +223,7 @@ def _draw_rocks(
             parts, ranks, ((), (_BEYOND,)), _choose_seen(parts, kept, clear_m, most_seen), strict=False
         )
     ]
-    # To ask for the ground under few rocks takes as long as under none, so that it is asked for only once.
+    # For few rocks, finding the ground takes the same time for any number, so the ground is found once for all.
     together = loose if most_seen is None else [_join(loose)]
     return _Drawn(tuple(together), smallest, far.smallest_rad if far else 0.0)
 
@@ -243,7 +243,7 @@ def is_masked(rocks: RocksSettings) -> bool:
 
 def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array]) -> list[Array]:
     """Whether the painted mask leaves each rock of the patch (n,), and each beyond it, at places (n, 2) in metres. Each
-    rock has a chance of its own, which does not depend on the mask."""
+    rock has its own random number, which does not depend on the mask."""
     if not is_masked(rocks):
         return [np.ones(len(xy), bool) for xy in parts]
     mask = PaintedMask(read_mask(absolute_path(rocks.mask_file, "rocks.mask_file")), size_m)

@@ -18,8 +18,8 @@ from ...support.arrays import Array, Numbers
 ICE_KG_M3 = 917.0
 
 #: Imaginary part of the refractive index of ice at -7 °C, at 400 to 700 nm in steps of 10 nm: Warren and Brandt 2008,
-#: J. Geophys. Res. 113, D14220. Below 600 nm others find more in the blue, up to ten times, as their snow was less
-#: pure (Picard et al. 2016, The Cryosphere 10, 2655): blue is an upper limit here.
+#: J. Geophys. Res. 113, D14220. Below 600 nm others find up to ten times more absorption in the blue, because their
+#: snow was less pure (Picard et al. 2016, The Cryosphere 10, 2655): the reflectance in the blue is an upper limit here.
 _ICE_NM = np.arange(400.0, 701.0, 10.0)
 _ICE_K = np.array(
     [
@@ -79,8 +79,8 @@ def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
     single-scattering co-albedo is 1 - ω = 2Bα / (917 · SSA) (Kokhanovsky and Zege 2004, Applied Optics 43, 1589; Libois
     et al. 2013, The Cryosphere 7, 1803). It is accurate while 1 - ω is small, as it is in the visible below a radius of
     some centimetres. Another program, with the same absorption, agrees within 0.005 for radii of 100 and 500 µm, and is
-    up to 0.059 darker at 700 nm for firn of 2.5 mm, as this form is with twice the radius, to 0.011
-    (`icymoon validate --only colours`).
+    up to 0.059 darker at 700 nm for firn of 2.5 mm. There this formula with twice the radius agrees with it within
+    0.011 (`icymoon validate --only colours`).
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)

@@ -47,12 +47,13 @@ from ..plans.render_order import (
 from ..plans.triangle_count import count_triangles
 from .machine_speed import Speed, to_wall_seconds
 
-#: Processor seconds, measured on a 2-core x86 server with Blender 5.0 (``python benchmarks plan_cost``): of the process
-#: that starts workers, and of the start of a worker.
+#: Processor seconds for the process that starts workers, and for the start of a worker. These and the next numbers are
+#: measured on a 2-core x86 server with Blender 5.0 (``python benchmarks plan_cost``).
 _PROCESS_START_S, _WORKER_START_S = 1.0, 1.5
-#: Processor seconds to build a scene, ground per million triangles, rocks, and ground from a file.
+#: Processor seconds to build a scene, to build ground per million triangles, to build rocks, and to build ground from a
+#: file.
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S, _FILE_BUILD_S = 0.2, 0.7, 0.6, 1.15
-#: Processor seconds of a pair in a built scene, without its pixels.
+#: Processor seconds of a pair in a built scene, without its pixels: fixed, per million triangles, and for rocks.
 _PAIR_S, _PAIR_S_PER_MTRI, _ROCKS_PAIR_S = 0.05, 0.6, 0.4
 #: Processor seconds of a megapixel: fixed, per sample, and of the denoiser.
 _S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
@@ -78,7 +79,8 @@ class _LightBytes:
 @dataclass(frozen=True)
 class _NormalBytes:
     """Bytes of normals per pixel that shows ground. The normal of a facet is the same on all its pixels: with edges of
-    e pixels on the screen, normals take the fraction 1 - exp(-a e^b) of ``most``, with a ``edges`` and b ``power``."""
+    e pixels on the screen, normals take the fraction 1 - exp(-a e^b) of ``most``, where a is ``edges`` and b is
+    ``power``."""
 
     shading: float
     most: float
@@ -99,8 +101,8 @@ _DETAILED_IMAGES = ("STAND_IN", "OWN", "MESH")
 _DEPTH_BYTES, _ROCK_LABEL_BYTES, _OTHER_BYTES = 4.0, 1.0, 0.2
 #: Bytes of one ``pair.json``.
 STATED_BYTES = 25e3
-#: Steepest pitch below the horizon for which visible facets are counted, degrees; a camera that looks farther up counts
-#: as this one.
+#: Least pitch below the horizon in degrees for which visible facets are counted; a camera that looks farther up is
+#: counted with this pitch.
 _SHALLOWEST_PITCH_DEG = 15.0
 #: Bytes of a facet's normals in truth by rays, as a fraction of Cycles' truth, which also has an alpha of 1.
 _RAY_NORMALS_RATIO = 0.87
@@ -326,13 +328,13 @@ def build_seconds(settings: Settings, triangles: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The work of a plan, and the remaining part of it.
+    """The work of a plan, and its remaining part.
 
-    ``geometries``, ``surfaces`` and ``lights`` are numbers of distinct ones, and ``scenes`` is the number of builds.
-    ``seconds`` are the processor seconds of all pairs, and ``left_s`` those of the pairs still to render, which take
-    ``left_wall_s`` by the clock. In 19 of 20 cases the true value lies between ``left_s`` divided by ``factor`` and
-    ``left_s`` times ``factor``. ``measured`` is the number of complete pairs that corrected the estimate; with none,
-    the estimate rests on ``basis``.
+    ``geometries``, ``surfaces`` and ``lights`` count distinct geometries, surfaces and lights; ``scenes`` is the number
+    of builds. ``seconds`` are the processor seconds of all pairs, ``left_s`` the processor seconds of the pairs still
+    to render, and ``left_wall_s`` the time for these by the clock. In 19 of 20 cases the true value lies between
+    ``left_s`` divided by ``factor`` and ``left_s`` times ``factor``. ``measured`` is the number of complete pairs that
+    corrected the estimate; with none, the estimate rests on ``basis``.
     """
 
     pairs: int
@@ -442,7 +444,7 @@ def _processor_seconds(
 
     ``scenes`` is the scene of each pair, ``triangles`` the number of triangles of each scene, and ``expected`` the
     seconds of each pair in a scene that is already built. A worker starts for each job and builds the scenes of that
-    job. Light is baked once, unless it is among the light that is ``lit`` already.
+    job. Light is baked once, unless ``lit`` names it as baked already.
     """
     seconds = _PROCESS_START_S if pairs else 0.0
     baked = set(lit)

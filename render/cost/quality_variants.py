@@ -56,7 +56,7 @@ SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 _MOST_DENOISED_SAMPLES = 64
 _DIFFUSE_BOUNCES = (0, 1, 2, 3, 4, 8, 16)
 _NOISE_THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
-#: Maximum number of samples with a noise threshold, as a multiple of the scene's own.
+#: Maximum number of samples with a noise threshold, as a multiple of the scene's number of samples.
 _THRESHOLD_SAMPLES_FACTOR = 4
 #: Samples of direct light in an image with baked light, and samples of the bake.
 _DIRECT_SAMPLES, _BAKE_SAMPLES = (1, 2, 4, 9), (64, 256)

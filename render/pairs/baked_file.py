@@ -37,11 +37,11 @@ _HEADER_BYTES = 2**16
 class BakedLight:
     """Indirect irradiance over pi at the vertices of a ground, (n, 3) float32, W/(m² sr) in the bands R, G, B.
 
-    ``error`` (n,) float32 has the same variance as the error of ``values``, for the mean of the bands: it is half of
-    the difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the terms of
+    ``error`` (n,) float32 is half the difference of two bakes with half the samples each, for the mean of the bands; it
+    has the same variance as the error of ``values``. ``rocks`` (rocks, terms, 3) float32 are the terms of
     ``physics.light.baked_rocks`` for the same light on rocks. ``noise`` is the standard error over the mean, from the
-    same two bakes of the ``samples``. ``share`` is the mean over the mean of all light at the vertices. ``cpu_seconds``
-    is the processor time of the bake, which is absent from files.
+    same two bakes of the ``samples``. ``share`` is the mean of ``values`` over the mean of all light at the vertices.
+    ``cpu_seconds`` is the processor time of the bake, which is absent from files.
     """
 
     values: Array

@@ -72,11 +72,11 @@ class Pair:
 
     @property
     def has_eyes(self) -> bool:
-        """Whether it has the images of both eyes, besides the images of the head."""
+        """Whether the pair has the images of both eyes, besides the images of the head."""
         return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:
-        """Path of ``left.exr`` or ``right.exr``, the light. Raises IcyMoonError if it has no eyes."""
+        """Path of ``left.exr`` or ``right.exr``, the light. Raises IcyMoonError if the pair has no images of eyes."""
         if not self.has_eyes:
             raise IcyMoonError(
                 f"{self.folder} has no stereo pair, only cameras of a head (rig.images is HEAD); export it as head, "
@@ -129,7 +129,7 @@ class Pair:
         return find_rolling_shutter(self.settings.rig)
 
     def row_poses(self, eye: str) -> Array | None:
-        """The ``rectified_pose`` of an eye, (4, 4); with a rolling shutter those of its rows, (H, 4, 4)."""
+        """The ``rectified_pose`` of an eye, (4, 4); with a rolling shutter the poses of its rows, (H, 4, 4)."""
         pose, shutter = self.rectified_pose(eye), self.rolling_shutter
         if pose is None or shutter is None:
             return pose
@@ -406,7 +406,7 @@ def update_response(folder: Path, settings: Settings) -> None:
 def find_pair_folders(path: Path) -> list[Path]:
     """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 
-    Raises IcyMoonError if it has no complete pair.
+    Raises IcyMoonError if there is no complete pair at ``path``.
     """
     folders = [path.resolve()] if os.path.lexists(path / "pair.json") else sorted(_find_pairs_in(path))
     if not folders:

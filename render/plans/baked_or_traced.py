@@ -44,7 +44,7 @@ _DIRECT_S_PER_MPX, _BOUNCE_S_PER_MPX, _DENOISE_S_PER_MPX = 1.76, 0.17, 3.5
 _CORNERS_PER_GRID_VERTEX, _CORNERS_PER_VERTEX, _CORNERS_PER_TRIANGLE = 4.0, 6.0, 3.0
 #: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
 _S_PER_ROCK_POINT = 2.5e-4
-#: All rocks over the rocks on the patch, where rocks go on beyond it.
+#: Ratio of all rocks to the rocks on the patch, if there are rocks beyond the patch.
 _FAR_ROCKS_FACTOR = 2.8
 #: Processor seconds per million pixels and sample that images on the ground add, and that a mesh's own image adds.
 _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1

@@ -18,9 +18,7 @@ from .setting_sweeps import Sweep, Variation
 
 @dataclass(frozen=True)
 class _Layer:
-    """A sweep among those that are combined: the full ``names`` of its settings, and the values of each variation by
-    these names.
-    """
+    """One of the combined sweeps: the full ``names`` of its settings, and each variation's values by these names."""
 
     place: Place
     name: str
@@ -41,9 +39,9 @@ def check_overwritten(
 ) -> None:
     """Raise IcyMoonError if the variations of a sweep would be lost, for every pair or for some.
 
-    ``base`` is made of ``parts``, those of the plans that are extended first. Over it come ``seeds``, where the plan
-    states them, then the sweeps of settings with their variations, then ``cameras``, in the order of
-    ``pose_sweeps.KINDS``.
+    ``base`` is made of ``parts``; the parts of extended plans come first. Later values override earlier values: first
+    ``base``, then the ``seeds`` that the plan states, then ``made``, the sweeps of settings with their variations, then
+    ``cameras``, in the order of ``pose_sweeps.KINDS``.
     """
     layers = [
         _Layer(sweep.place, sweep.name, _list_named(sweep), [_list_stated(part) for part in variations])
@@ -135,8 +133,8 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
                 left = {tuple(text for text, key in zip(row, differ, strict=True) if key not in lost) for row in rows}
                 if len(left) < len(rows):
                     raise IcyMoonError(
-                        f"{later.place}: this sweep sets {', '.join(sorted(keys))}, without which some "
-                        f"variations of that of {earlier.place} are the same; leave one of the two "
+                        f"{later.place}: this sweep sets {', '.join(sorted(keys))}, so some variations of the "
+                        f"sweep at {earlier.place} are the same; leave one of the two "
                         f"out{_replace_hint(earlier, later)}."
                     )
                 known.add(lost)

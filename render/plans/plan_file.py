@@ -261,9 +261,7 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
         except IcyMoonError as error:
             raise IcyMoonError(f"{at}: {error}") from None
         if len(designs) > _MOST_DESIGNS:
-            raise IcyMoonError(
-                f"{at}: with this one more than {_MOST_DESIGNS} plans are extended; name fewer, each once."
-            )
+            raise IcyMoonError(f"{at}: the plan then extends more than {_MOST_DESIGNS} plans; name fewer, each once.")
     designs = designs or [PlanDesign()]
     for name, at in _read_names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):

@@ -154,7 +154,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
             )
         if topic == _PRESETS_KEY:
             raise IcyMoonError(
-                f"{place}: presets are lists by names of yours, such as presets.sensor; a single list is called preset."
+                f"{place}: presets has lists under your names, such as presets.sensor; a single list is called preset."
             )
         if not isinstance(values, Mapping):
             raise IcyMoonError(
@@ -213,7 +213,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
     cases, place = sweep.table.get("case"), sweep.place.at("case")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, Mapping) for case in cases):
         raise IcyMoonError(
-            f"{place}: a cases sweep lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
+            f"{place}: a cases sweep lists settings that change together: case = [{{ light.sun_elevation_deg = 30, "
             "light.sun_azimuth_deg = 90 }, …]."
         )
     made = []

@@ -100,8 +100,8 @@ def list_variable_settings() -> list[str]:
 
 
 def make_default_variation(name: str, value: float | str) -> VariedSetting:
-    """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
-    its slider's range, and within that range where the value is; all values of a choice.
+    """A setting that varies about its present value. A number varies from half to twice its value, or over a quarter of
+    its slider's range if it is 0; it stays within that range if its value does. A choice has all its values.
 
     Whole numbers have the default number of values, if the range contains that many.
     """

@@ -20,7 +20,7 @@ class FirstSample:
         self.has_come = False
 
     def note(self) -> None:
-        """State that a sample has come, once a report in progress has ended."""
+        """Record that a sample has come; waits for the end of a report in progress."""
         with self._changed:
             self.has_come = True
             self._changed.notify_all()

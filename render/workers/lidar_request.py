@@ -1,4 +1,4 @@
-"""What a scan by a laser scanner is asked for, as a word of a command line. Imports no Blender."""
+"""The request for a scan by a laser scanner, as one word of a command line. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ...physics.lidar.noise_streams import Effects
 from ...physics.lidar.returns import Reported
 from ...support.foreign_bytes import parse_json
 
-#: Effects beside those of a detector that can be left out.
+#: Effects that can be left out, beside the effects of a detector.
 _OTHER_EFFECTS = ("ice", "detector", "sunlight", "patches")
 EFFECTS = (*_OTHER_EFFECTS, *vars(Effects()))
 
 
 @dataclass(frozen=True)
 class ScanRequest:
-    """What a scan is asked for: a pose x, y, z in metres and a quaternion w, x, y, z (empty: at the left eye); rows,
-    columns, rays and returns in place of the scanner's; effects to leave out, see ``EFFECTS``; grain radius in metres
-    and density in kg/m³ of snow in place of the scene's; seed of the detector (None: the scene's) and number of the
-    scan; samples of a packet of waveforms (None: no waveforms)."""
+    """A request for a scan. ``pose`` is x, y, z in metres and a quaternion w, x, y, z; empty for the left eye's.
+    ``rows``, ``columns``, ``rays`` and ``returns`` replace the scanner's. ``without`` names effects of ``EFFECTS`` to
+    leave out. ``grain_m``, the grain radius, and ``density_kg_m3`` replace the scene's snow. ``seed`` is the detector's
+    (None: the scene's), ``scan`` the number of the scan, ``waveforms`` the samples of a packet (None: no waveforms)."""
 
     pose: tuple[float, ...] = ()
     rows: int | None = None
@@ -43,18 +43,18 @@ class ScanRequest:
 
     @classmethod
     def from_json(cls, text: str) -> ScanRequest:
-        """The request of such a word."""
+        """The request from the text of ``to_json``."""
         stated = parse_json(text)
         return cls(**(stated | {key: tuple(stated[key]) for key in ("pose", "without")}))
 
     def read_scanner(self, path: Path) -> LidarFile:
-        """The scanner of a file as it is asked for. Raises IcyMoonError for an impossible one."""
+        """The scanner of a file, changed by this request. Raises IcyMoonError for an impossible scanner."""
         lidar = self.change(read_lidar(path))
         if self.waveforms is not None:
             make_digitiser(lidar.detector, lidar.instrument, self.waveforms)
         return lidar
 
     def change(self, lidar: LidarFile) -> LidarFile:
-        """A scanner as it is asked for. Raises IcyMoonError for an impossible one."""
+        """A scanner, changed by this request. Raises IcyMoonError for an impossible scanner."""
         changed = change_lidar(lidar, self.rows, self.columns, self.rays, cast(Reported | None, self.returns))
         return replace(changed, detector=None) if "detector" in self.without else changed

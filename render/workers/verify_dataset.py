@@ -330,7 +330,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
 
 
 def _find_rendered(pair: Pair, wanted: PlannedPair) -> PlannedPair:
-    """The pair as it was rendered, of which a pair in the light of a projector has another id."""
+    """The planned pair as it was rendered; a pair in the light of a projector has another id."""
     projector = pair.data.get("projector")
     name = projector.get("rendered_as") if isinstance(projector, Mapping) else None
     return replace(wanted, id=name) if isinstance(name, str) and _PAIR_ID.fullmatch(name) else wanted

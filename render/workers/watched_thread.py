@@ -13,10 +13,11 @@ from .process import Message
 class Calculation(threading.Thread):
     """A running function. Its last message is a ``result`` with its ``value``, or an ``error``.
 
-    A function that ``reports`` is given another function, to which it tells its finished share (0 to 1) and its present
-    work. Each is a message of ``progress``.
+    A function that ``reports`` gets another function as an argument and calls it with its finished share (0 to 1) and
+    its present work. Each call becomes a message of ``progress``.
 
-    A thread cannot be stopped, so ``cancel`` means that its value is dropped. Python waits for the thread at exit.
+    A thread cannot be stopped, so after ``cancel`` the function runs on and its value is dropped. Python waits for the
+    thread at exit.
     """
 
     left, returncode, cause = False, 0, ""

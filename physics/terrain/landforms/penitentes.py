@@ -1,10 +1,10 @@
 """Penitentes: blades of ice left between troughs that sublimation deepens under a high Sun.
 
-Blades stand in rows along the Sun's path, concave between sharp crests, and lean toward the noon Sun.
-Measured on Earth in the Andes; the theory of their spacing: Claudin et al. 2015 (Phys. Rev. E 92,
-033015). For Europa, Hobley et al. 2018 (Nat. Geosci. 11, 901) predict up to 15 m of depth at 7.5 m of
-spacing within 23 degrees of the equator; that is disputed (Matters Arising and correction, 2019), so this is a
-hypothesis. A height field cannot overhang: the lean is held to what leaves the steep side a slope.
+Blades stand in rows along the Sun's path, concave between sharp crests, and lean toward the noon Sun. Measured on Earth
+in the Andes; the theory of their spacing: Claudin et al. 2015 (Phys. Rev. E 92, 033015). For Europa, Hobley et al. 2018
+(Nat. Geosci. 11, 901) predict up to 15 m of depth at 7.5 m of spacing within 23 degrees of the equator; that is
+disputed (Matters Arising and correction, 2019), so this is a hypothesis. A height field cannot overhang, so the lean is
+limited and the steep side stays a slope.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         return height * tallest * blade * _crest_height(along / length, index, settings.variation, keys)
 
     def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        """Rounded only where the mesh is too coarse for an edge along the crest."""
+        """Heights in metres, with crests rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP_UP_TO * spacing), 0.0, shortest_m))
 
     crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)

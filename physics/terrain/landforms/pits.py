@@ -1,11 +1,11 @@
 """Sublimation pits: flat floors at one depth within steep walls that retreat sideways, without raised rims.
 
-Ice that leaves as gas under a lag or over a harder layer takes such pits: they widen at one depth, so that neighbours
-grow together and cusps of walls stand between arcs. Known at other scales and of other ices: the circular pits in a
-layer of carbon dioxide ice about 8 m thick at Mars' south pole (Byrne and Ingersoll 2003, Science 299, 1051), whose
-walls retreat by metres a year (from memory: Malin et al. 2001, Science 294, 2146), and pits of kilometres in the
-nitrogen ice of Pluto (from memory: Moore et al. 2017, Icarus 287, 320). No image shows either moon at metres: that
-they have such pits, their depth, width and number are guesses.
+Ice that sublimes under a lag or over a harder layer leaves such pits: they widen at one depth, so that neighbours grow
+together and cusps of walls stand between arcs. Known at other scales and of other ices: the circular pits in a layer of
+carbon dioxide ice about 8 m thick at Mars' south pole (Byrne and Ingersoll 2003, Science 299, 1051), whose walls
+retreat by metres a year (from memory: Malin et al. 2001, Science 294, 2146), and pits of kilometres in the nitrogen ice
+of Pluto (from memory: Moore et al. 2017, Icarus 287, 320). No image shows either moon at metres: that they have such
+pits, their depth, width and number are guesses.
 
 What falls off a wall and does not sublime lies at its foot as **talus**, at its angle of repose: in aprons of uneven
 height, with the coarsest debris at the toe.
