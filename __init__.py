@@ -2,7 +2,7 @@
 
 The repository root is the Blender extension and the Python package ``icymoon``. Nothing of Blender
 is imported before ``register``, so that the evaluator and the command line can use the package
-from any Python. What programs and notebooks use is imported when it is first asked for.
+from any Python. A name for programs and notebooks is imported at its first use.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .stereo import torch_data as torch
     from .support.errors import IcyMoonError
 
-#: The names that programs use, and the modules that they are from.
+#: The public names, and the module of each.
 _NAMES = {
     "Evaluation": "library.evaluation",
     "IcyMoonError": "support.errors",
@@ -40,7 +40,7 @@ _NAMES = {
     "open_pairs": "library.rendered_pair",
     "preset_names": "settings.preset_files",
 }
-#: The module ``icymoon.torch``. A file of this name at the root would hide PyTorch from whoever runs there.
+#: The module ``icymoon.torch``. A file ``torch.py`` at the root would hide PyTorch from programs that run there.
 _MODULES = {"torch": "stereo.torch_data"}
 
 __all__ = [

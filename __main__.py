@@ -1,7 +1,7 @@
 """``python -m icymoon …``, also when this file is run by its path.
 
-Inside Blender (``blender -b --python __main__.py -- worker job.json``) and in another Python the
-package's folder has any name and is on no search path; it is then loaded as ``icymoon`` from here.
+Inside Blender (``blender -b --python __main__.py -- worker job.json``) and in another Python the package's folder has
+any name and is on no search path. This file then loads it as ``icymoon``.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _PROGRAMS = {
     "decode": "stereo.images.bounded_decoding",
     "install": "stereo.environment.install",
 }
-#: Those that run in Blender.
+#: Verbs that run in Blender.
 _IN_BLENDER = {"worker", "resident-worker", "assets", "build", "probe"}
-#: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
+#: Versions of Python with Blender as a module, see pyproject.toml; the oldest supported version.
 _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
 
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     system = importlib.import_module("icymoon.support.system")
     importlib.import_module("icymoon.support.printer").open_streams()
     importlib.import_module("icymoon.support.bundled_wheels").use_wheels()
-    # These may be busy for minutes, and leave nothing unfinished.
+    # These verbs may be busy for minutes, and leave nothing unfinished.
     system.stop_with_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"], ["build"]))
     if arguments and arguments[0] in _PROGRAMS:
         with system.silence_interrupts():

@@ -134,7 +134,7 @@ def _raise_interrupt(number: int, frame: object) -> None:
 def render_missing(
     dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None
 ) -> int:
-    """Render the missing ones of these pairs; the exit status is 1 if some were set aside, else 0."""
+    """Render the missing pairs among ``pairs``; the exit status is 1 if some were set aside, else 0."""
     set_stop_handler(_raise_interrupt)
     failed: dict[str, str] = {}
     try:
@@ -156,8 +156,8 @@ def render_missing(
 
 
 def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.FrozenPlan:
-    """The data set of a plan, frozen into its folder, with its pairs in render order. With a ``blender`` that is to
-    render them, IcyMoonError is raised first if it cannot.
+    """Freeze a plan into its folder; return the data set, with its pairs in render order. Raises IcyMoonError if the
+    ``blender``, where given, cannot render the pairs.
     """
     from ..render.plans.plan_file import find_plan, read_plan
     from .plan import check_plan
@@ -201,7 +201,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
     """Match pairs as they are completed, in a process of lower priority, if the options ask for that.
 
     At the end the pair in progress is finished. If rendering is stopped the process is ended at once. Its errors are
-    not shown, since the evaluation that follows meets them again.
+    not shown, since the evaluation that follows reports them.
     """
     if not options.evaluate:
         yield
@@ -223,7 +223,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
     finally:
         kill_all(process)
         for folder in (out, *(out / "pairs").glob("*/")):
-            remove_leftover_parts(folder)  # files that it was writing when it was ended
+            remove_leftover_parts(folder)  # the ended process may leave half-written files
 
 
 def _evaluate_pairs(dataset: Path, options: argparse.Namespace) -> int:
@@ -263,7 +263,7 @@ def _report_status(status: int, dataset: Path, as_json: bool) -> int:
 
 
 def parse_shard(text: str) -> tuple[int, int]:
-    """I and N of ``I/N``. Raises IcyMoonError if it is not that."""
+    """Parse a shard ``I/N``; return I and N. Raises IcyMoonError for any other text."""
     stated = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
     if not stated or not 1 <= int(stated[1]) <= int(stated[2]):
         raise IcyMoonError(f"--shard is {shorten(text)!r}; write it as I/N with I from 1 to N, as in 3/8.")

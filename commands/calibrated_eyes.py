@@ -35,9 +35,9 @@ from .calibration_advice import check_baseline, check_focal_length, describe_exc
 #: Largest angle between two eyes that count as parallel, rad, and largest offset from side by side, as a share of the
 #: baseline.
 MOST_TURN_RAD, MOST_OFFSET_SHARE = 1e-4, 1e-3
-#: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike.
+#: Largest difference of two alike eyes in focal length, principal point and distortion, px over the image.
 ALIKE_PX = 0.5
-#: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
+#: Largest relative difference of the focal lengths along x and y that counts as square pixels.
 SQUARE_PIXEL_TOLERANCE = 1e-3
 
 
@@ -143,7 +143,7 @@ def make_rig_table(
         "height_px": height,
         "sensor_width_mm": width_mm,
         "focal_length_mm": focal_px / width * width_mm,
-        # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
+        # Rounding of the model's vectors leaves 1e-14 px at the middle of the image; adding 0 turns -0 into 0.
         "principal_x_px": round(cx_px + 0.5 - width / 2, 9) + 0.0,
         "principal_y_px": round(cy_px + 0.5 - height / 2, 9) + 0.0,
         "baseline_m": baseline_m,
@@ -160,14 +160,14 @@ def complete_eyes(found: Settings) -> Settings:
     return check({"rig": rig, **eyes}, "a calibration")
 
 
-#: Settings of a rig, besides distortion, that a calibration determines by leaving them out.
+#: Settings of a rig, besides distortion, that return to their defaults if a calibration leaves them out.
 _OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
 
 
 @dataclass(frozen=True)
 class _Rectified:
-    """The rectified pair of two cameras: the rotation (3, 3) of each into it, its camera, and the x component of the
-    right eye's t."""
+    """The rectified pair of two cameras: the rotation (3, 3) of each camera into the pair, the common camera of the
+    pair, and the x component of the right eye's t."""
 
     turns: tuple[Array, Array]
     size_px: tuple[int, int]

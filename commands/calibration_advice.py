@@ -48,7 +48,7 @@ def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
 def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, stated: Stated) -> list[str]:
     """A sentence if the baseline in metres is likely in another unit.
 
-    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
+    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number in the file.
     """
     most = TOPICS["rig"]["baseline_m"].maximum
     if _SHORT_BASELINE_M <= baseline_m <= _LIKELY_BASELINE_M:

@@ -55,8 +55,8 @@ def _list_coefficients(lens: LensModel) -> str:
 
 
 def _measure_field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool]:
-    """The angle between the outermost rays through the principal point along an axis, 0 where it sees nothing, and
-    whether both borders see something."""
+    """The field of view in degrees along an axis through the principal point, 0 if it sees nothing, and whether both
+    borders see something."""
     size = camera.size_px[axis]
     places = np.array([[camera.cx_px, camera.cy_px]] * (4 * size + 1))
     places[:, axis] = np.linspace(-0.5, size - 0.5, len(places))

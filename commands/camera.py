@@ -47,7 +47,7 @@ from .calibration_advice import (
 )
 from .calibration_text import describe_rig
 
-#: Largest differences of two eyes that count as one lens, their mean: of focal length and distortion as shares of the
+#: Largest differences of two eyes that are averaged to one lens: of focal length and distortion as shares of the
 #: focal length, and of the principal point as a share of the width.
 _MOST_FOCAL, _MOST_CENTRE = 0.05, 0.05
 #: Smaller coefficients of distortion come from rounding in the file.
@@ -354,7 +354,7 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | None) -> bool:
-    """Whether two files of JPL or ROS are used with their specific content: vectors, or a rectified pair."""
+    """Whether content that only JPL's or ROS' files have is used: vectors of two models, or a rectified pair."""
     return kinds in ({"cahv"}, {"ros"}) and len(paths) == 2 and names is None
 
 

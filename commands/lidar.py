@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_sensing_options(parser: argparse.ArgumentParser) -> None:
-    """Add what happens to light in ice and in the detector."""
+    """Add the options for light in ice and for the detector."""
     add_list(parser, "--without", "EFFECT", f"leave an effect out: {', '.join(EFFECTS)}; may repeat", choices=EFFECTS)
     parser.add_argument("--grain-um", type=float, help="radius of the grains of snow, in place of the surfaces'")
     parser.add_argument("--density", type=float, help="density of snow in kg/m³, in place of the excavation's")
@@ -139,7 +139,7 @@ def _scan(options: argparse.Namespace, kinds: list[str]) -> int:
 
 
 def _make_request(options: argparse.Namespace) -> ScanRequest:
-    """What the options ask for. Raises IcyMoonError for a pose without a place or a rotation, and bad numbers."""
+    """Make a request for a scan. Raises IcyMoonError for a pose without a place or a rotation, and negative seeds."""
     if (options.position is None) != (options.quaternion is None):
         raise IcyMoonError("A pose has a place and a rotation; give --position and --quaternion, or neither.")
     if options.position is not None:
@@ -164,7 +164,7 @@ def _make_request(options: argparse.Namespace) -> ScanRequest:
 
 
 def _find_ground(options: argparse.Namespace) -> tuple[PlannedPair, Path]:
-    """The described or rendered pair whose ground is scanned, and the folder for the folder of its id."""
+    """The described or rendered pair whose ground is scanned, and the parent of the folder that its id names."""
     if options.pair is None:
         if options.out is None:
             raise IcyMoonError("The scan has no folder to go to; give --out, or the folder of a rendered pair.")

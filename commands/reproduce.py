@@ -122,7 +122,7 @@ def _run_reproduce(options: argparse.Namespace) -> int:
 def _check_options(options: argparse.Namespace) -> None:
     """Raise IcyMoonError for an impossible scale or folder of files, and for an output folder that is a file or has
     other tables."""
-    if not _LEAST_SCALE <= options.scale <= 1:  # not so for NaN either
+    if not _LEAST_SCALE <= options.scale <= 1:  # refuses NaN too
         raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
     if options.files and not options.files.is_dir():
         raise IcyMoonError(f"--files: {options.files} is not a folder; give the folder with your textures and meshes.")

@@ -118,7 +118,8 @@ def _run_sky(options: argparse.Namespace) -> int:
 
 
 def _find_site(settings: Settings) -> SkyPlace | None:
-    """The site of a map that the settings state by coordinates; azimuths then are from true north. None without one."""
+    """The site of a map that the settings state by coordinates; azimuths then are from true north. None without
+    coordinates."""
     if not uses_sky_of_site(settings):
         return None
     found = read_site_place(find_used_files(settings)["source.file"], settings)

@@ -1,4 +1,4 @@
-"""Opens a landed day, which a program of yours lives step by step."""
+"""Opens a landed day, a simulated mission whose steps your program chooses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..stereo.landed_day.day import LandedDay
 
 
-#: The greatest number of a ground: all before it are drawn, too.
+#: Largest number of a ground: all grounds before it are drawn too.
 _MOST_NUMBER = 99_999
 
 
@@ -26,14 +26,14 @@ def open_landed_day(
     rules: str | Path | None = None,
     most_energy_wh: float = 1000.0,
 ) -> LandedDay:
-    """A day on the ground of this number: ``step("look")``, ``step("choose")``, ``step("dig")`` and so on live it.
+    """Open a day on the ground of this number. Its steps are ``step("look")``, ``step("choose")``, ``step("dig")``, ….
 
     Equal arguments and steps give equal observations, to the bit. ``method`` is the lander's matcher, as in
     ``evaluate``. ``ground`` is a preset or a TOML file whose terrain and rocks the grounds have, by default several
     gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor, workspace, scoop
-    and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` what the day may spend. Close
-    the day, or use it by ``with``. Raises IcyMoonError for unknown names and values out of range, and for ground that
-    rays cannot make.
+    and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` the energy in Wh that the day
+    may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values out of range, and
+    for ground that rays cannot make.
     """
     # Matchers and rays are imported here, as ``import icymoon`` is light.
     from ..settings.description import check

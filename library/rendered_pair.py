@@ -80,7 +80,8 @@ class RenderedEye:
     @property
     def pose_to_world(self) -> Array:
         """The matrix (4, 4) from this camera's axes (x right, y down, z forward) to the world's (east, north, up), in
-        metres; with a rolling shutter that of the middle. Raises IcyMoonError if the pair does not contain it."""
+        metres; with a rolling shutter, the pose at the middle of the exposure. Raises IcyMoonError if the pair does not
+        contain it."""
         pose = self._pair.rectified_pose(self.name)
         if pose is None:
             raise IcyMoonError(
@@ -211,7 +212,7 @@ def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
 
 
 def _to_plain_numbers(value: object) -> Any:
-    """Numbers of numpy as Python's, within tables and lists."""
+    """Convert NumPy's numbers in tables and lists to Python's numbers."""
     if isinstance(value, dict):
         return {key: _to_plain_numbers(each) for key, each in value.items()}
     if isinstance(value, list | tuple):

@@ -134,7 +134,7 @@ class Scene:
         return self._make_changed(description.check({}, "mask"), {given.setting: given})
 
     def stored(self, dataset: str | Path) -> Settings:
-        """The complete settings. Writes arrays of the program to files in the folder ``inputs`` of the data set."""
+        """Write the program's arrays to the folder ``inputs`` of the data set; return the complete settings."""
         folder = Path(dataset).absolute()
         paths: dict[str, dict[str, str]] = {}
         for name, given in self._inputs.items():

@@ -21,7 +21,7 @@ from .measure.plug_in import MeasuredMap, PluginMetric
 #: Size of the trial's images, with odd sides on purpose; the farthest disparity, px; and its growth from row to row,
 #: px.
 _HEIGHT, _WIDTH, _FARTHEST_PX, _ROW_PX = 119, 161, 9.0, 0.1
-#: A matcher that measures is right to this, px, in most of its pixels; the wrong sign or unit is off by ten times that.
+#: Largest error, px, of a working matcher in most of its pixels; a wrong sign or unit gives ten times this error.
 _RIGHT_PX = 1.0
 _LEAST_PX, _COUNT = 0, 32
 #: The camera of the trial.

@@ -399,7 +399,7 @@ def _decide_with_method(
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:
-        # Random numbers of its own, so that no other method of this run or of an earlier one changes them.
+        # A separate generator, so that other methods of this run or an earlier run do not change the numbers.
         random = run.make_generator(workspace.pair.name, TRUE_DEPTH if method is None else method.label)
         numbers["scoop"] = locate_scoop(scoop, depth, workspace.pair, pose, random)
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}

@@ -1,6 +1,6 @@
 """Sites that one camera saw in one pose under several Suns: their pairs are decided on once.
 
-The last Sun is under which the lander digs: the latest date, or the last name where Suns are stated by angles.
+The lander digs under the last Sun: the latest date, or the last name where Suns are stated by angles.
 """
 
 from __future__ import annotations

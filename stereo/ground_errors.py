@@ -44,7 +44,7 @@ class DepthErrors:
     pose: Array  # (4, 4), from the left eye in OpenCV's axes to the world
     truth: Array  # planar depth, m, NaN for pixels that do not count
     error_m: Array  # measured minus true depth, m, NaN where one of them is missing
-    shutter: RollingShutter | None = None  # ``pose`` is that of the middle
+    shutter: RollingShutter | None = None  # ``pose`` is for the middle of the exposure
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from .images.colours import INVALID_GREY, Scale, colour_signed_errors
 #: Most points of a scan that are kept for a view.
 MOST_POINTS = 100_000
 INTENSITY, RANGE_ERROR, ICE_DELAY, RETURN_NUMBER = "INTENSITY", "RANGE_ERROR", "ICE_DELAY", "RETURN_NUMBER"
-#: Range error in metres that counts as right, and the one with the full colour; the same for the delay in ice.
+#: Range error in metres that counts as right, and the error with the full colour; the same for the delay in ice.
 _RIGHT_M, _FULL_M = 1e-3, 0.1
 #: Colours (sRGB) by the number of a return: false alarms, first, second, third, and later ones.
 _COLOURS_BY_RETURN = np.array(

@@ -1,7 +1,7 @@
 """The results of a matcher on the map that the ground of a pair is from: heights, their errors, and why some are
 missing, as GeoTIFF in the coordinate system of the file of the ground.
 
-Cells are along the axes of the map and within the edges of the file. Heights are those of the file, in metres.
+Cells are along the axes of the map and within the edges of the file. Heights count from the file's zero, in metres.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _CLASSES = (
 )
 #: Width of a cell in pixels at the median depth, where none is stated, and the most cells along a side.
 _PIXELS, _MOST_CELLS = 3.0, 2048
-#: Share of the true points, the nearest, that the cells contain.
+#: Share of the true points, from the nearest on, that the cells contain.
 _SHARE = 0.9
 #: Share of a cell's points from which its class follows.
 _HALF = 0.5
@@ -56,7 +56,7 @@ class MapCells:
 
 
 def find_map_frame(prepared: PreparedPair) -> MapFrame | None:
-    """The frame of a pair on the map of its ground; None if it is on none, or its camera has no place."""
+    """The frame of a pair on the map of its ground; None without a map, or without a place of the camera."""
     pair = prepared.pair
     if not isinstance(pair, Pair) or pair.rectified_pose("left") is None:
         return None

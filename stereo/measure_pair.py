@@ -53,7 +53,7 @@ class MeasureTask:
 
 
 def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator[dict[str, Any]]:
-    """Do a task; the pictures and facts of the pair are written here, the rows by whoever reads these events:
+    """Do a task; the pictures and facts of the pair are written here; the caller writes the rows from these events:
 
     * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
     * {"type": "update", "row"} for a row that has changed since;

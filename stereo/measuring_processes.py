@@ -1,8 +1,8 @@
 """Measuring pairs in several processes.
 
 Each process is started once and measures pair after pair: a line of JSON with a task comes in, a line for each event of
-``measure_pair`` goes out. Only the process that started them writes rows, so a log has one writer. They end when their
-input ends, which it does however that process ends.
+``measure_pair`` goes out. Only the process that started them writes rows, so a log has one writer. The processes end
+when their input ends, however the starting process ends.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _LOOK_S = 0.25
 
 
 def choose_process_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
-    """Number of processes that measure: ``jobs``, or as many as processors and pairs allow; 1 is this one."""
+    """Number of processes that measure: ``jobs``, or as many as processors and pairs allow; 1 means this process."""
     if jobs is not None:
         return jobs
     if not all(method.name in (PREDICTION, LIDAR) or uses_one_processor(method.name) for method in methods):

@@ -1,7 +1,8 @@
 """Pairs and images in the light of a projector, from one render with its lamp and the shares of light by rays.
 
 Light is linear, so a pattern needs no render. A share of the direct light of the lamp reaches each pixel, see
-``rays.projector``. Indirect light follows the mean of the pattern: it is spread as that of an even projector.
+``rays.projector``. Indirect light follows the mean of the pattern: it is spread like the indirect light of an even
+projector.
 """
 
 from __future__ import annotations
@@ -92,8 +93,8 @@ def find_refusal(settings: Settings) -> str:
 
 @dataclass(frozen=True)
 class WhiteLight:
-    """The light of a pair whose last lamp is a projector with all pixels on: that of all else, and the direct and the
-    indirect light of the projector, (H, W, 3) by eye."""
+    """The light of a pair whose last lamp is a projector with all pixels on: the light of all other sources, and the
+    direct and the indirect light of the projector, (H, W, 3) by eye."""
 
     others: dict[str, Array]
     direct: dict[str, Array]

@@ -42,7 +42,7 @@ class Dataset:
     ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
     ``cy_px`` of the crop; and the texts ``pair`` and ``scene``. With ``lidar``, such as {"points": 300}, also
     ``range_disparity_px``, float32 (H, W): the disparities of range points at their nearest pixels, 0 elsewhere. Its
-    options are those of the method ``lidar``; the points and their noise are drawn anew in every epoch, and "returns"
+    options are as in the method ``lidar``; the points and their noise are drawn anew in every epoch, and "returns"
     names the folder of a scan by ``icymoon lidar``.
 
     ``split`` is one of ``splits``, the shares of the scenes. Their default is in the plan of the data set, or 80 %

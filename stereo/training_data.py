@@ -58,8 +58,8 @@ def _open_source(name: str, crop_px: tuple[int, int], seed: int) -> GroundSource
 
 
 def read_ground(name: str, option: str) -> Settings:
-    """The complete settings of a preset or a file of settings. ``option`` is what names it on a command line. Raises
-    IcyMoonError for ground that rays cannot make.
+    """The complete settings of a preset or a file of settings. ``option`` is the option that names it on a command
+    line. Raises IcyMoonError for ground that rays cannot make.
     """
     settings = merged(defaults(), load_named(name))
     if settings.source.kind != "PROCEDURAL":

@@ -2,7 +2,7 @@
 
     python benchmarks colour DATASET [key=value …]
 
-Renders nothing. The colour camera is that of ``sensors/mastcam_z``; the monochrome one is the same without filters,
+Renders nothing. The colour camera comes from ``sensors/mastcam_z``; the monochrome one is the same without filters,
 with the efficiency of the green one. Settings of ``sensor`` after the data set change both. Errors are measured on the
 pixels that both eyes see: coverage, mean depth error, share of disparities more than 1 px off, and the RMS error of the
 others.

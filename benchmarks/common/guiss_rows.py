@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # a process that renders pays for no evaluator
     import bpy
     from icymoon.stereo.matchers.methods import Method
 
-# In a process of its own, with Blender.
+# In a separate process, with Blender.
 
 
 def render(job: dict[str, Any]) -> list[dict[str, Any]]:

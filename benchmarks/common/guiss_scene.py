@@ -17,7 +17,8 @@ from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade.measure_variants import scale_view
 
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
-#: The paper's snow: lamp, ground and material of its public code. It states no subsurface radius: chosen.
+#: The paper's snow: lamp, ground and material of its public code. The code states no subsurface radius, so the radius
+#: here is an assumption.
 SNOW: dict[str, Any] = {
     "light": {"sun_irradiance_wm2": 10.0, "sun_elevation_deg": 24.0, "sun_azimuth_deg": 0.0},
     "terrain": {
@@ -57,7 +58,7 @@ GROUNDS: dict[str, Parts] = {
         "mesh": {"kind": "GRADED", "error_px": 2.0, "edge_px": 12.0},
     },
 }
-#: Of Cycles, where the public code differs from what Icy Moon sets; the last four are Blender's defaults.
+#: Settings of Cycles in which the public code differs from Icy Moon; the last four are Blender's defaults.
 PAPER: dict[str, Any] = {
     "max_bounces": 100,
     "glossy_bounces": 4,

@@ -1,7 +1,7 @@
 """Studies of decisions on grounds by rays: their grounds and camera, their rows, and counts over grounds.
 
 Terrains are gentle. The camera, the sensor and the place of the workspace are the same in all pairs, see
-``default_lander``. A row is as of ``icymoon decide``, of one pair for each ground.
+``default_lander``. Each ground has one pair, and a row is as from ``icymoon decide``.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CALIBRATION, TEST, LANDFORM = "calibration", "test", "landform"
 
 
 def draw_grounds(seed: int, grounds: int, tests: int, landforms: int) -> dict[str, list[Recipe]]:
-    """The recipes of each kind of grounds. Those that calibrate and those that test come by turns."""
+    """The recipes of each kind of grounds. Grounds that calibrate and grounds that test come by turns."""
     own = draw_recipes(seed, "ground", 2 * max(grounds, tests), VARIETY)
     return {
         CALIBRATION: own[::2][:grounds],
@@ -44,7 +44,7 @@ def draw_grounds(seed: int, grounds: int, tests: int, landforms: int) -> dict[st
 
 
 def state_grounds(rows: Sequence[Row]) -> dict[str, StatedPair]:
-    """The statements of the pairs of rows: each is a ground of its own."""
+    """The statements of the pairs of rows: each pair is a separate ground."""
     return {row["pair"]: StatedPair(row["pair"], "", {}) for row in rows}
 
 

@@ -4,7 +4,7 @@
 
 Each step is a process that renders on one device: the processor, or the first card by the interface that is named. A
 step that is refused, fails or takes more than a quarter of an hour costs no other one, and FOLDER/results.json is
-written after each. All end after so many ``--seconds``. The scenes at 640 x 480 px:
+written after each. The study ends after ``--seconds``. The scenes at 640 x 480 px:
 
 * first use: one small pair, for which the driver may have to compile
 * snow: the paper's, with the settings of its public code (``guiss_cost``), four headings of one ground
@@ -12,11 +12,11 @@ written after each. All end after so many ``--seconds``. The scenes at 640 x 480
 * many samples: the same ground traced with 256 samples
 * scenes: each scene preset at a quarter of the size with 16 samples
 
-Seconds are those of a clock: of the first pair of a process, with its build, and of each further pair; in brackets what
-the renders take of them. ``bake`` is what the bakes take of a pair. Compared are images of the same settings and seed:
-the mean of all, the root mean square over a 6 x 8 grid of regions of the difference of means over the mean, the median
-pixel, and the share of pixels that differ by more than 1 %. Two seeds on one device show how much of this is noise.
-Needs Blender as a module.
+Seconds are those of a clock: of the first pair of a process, with its build, and of each further pair; in brackets the
+seconds of the renders alone. ``bake`` has the seconds of a pair's bakes. Images of the same settings and seed are
+compared by the mean of all, the root mean square over a 6 x 8 grid of regions of the difference of means over the mean,
+the median pixel, and the share of pixels that differ by more than 1 %. Two seeds on one device show how much of this is
+noise. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ if TYPE_CHECKING:
     import bpy
 
 PROCESSOR = "processor"
-#: Headings of the snow, of the baked scene and of the one with many samples; samples of the latter.
+#: Number of headings of the snow, of the baked scene and of the scene with many samples; samples of this scene.
 SNOW_HEADINGS, BAKED_HEADINGS, MANY_HEADINGS, MANY = 4, 2, 2, 256
-#: Size of the images of the scenes, as a share of that of the others, and their samples.
+#: Size of the scenes' images as a share of the other images' size, and their samples.
 SMALL, FEW = 0.25, 16
 REGIONS = (6, 8)
 #: Seconds of a step: a driver took 443 for the kernels of an H200.
@@ -158,7 +158,7 @@ def steps(devices: Sequence[str], scale: float) -> list[Step]:
     ]
 
 
-# In a process of its own, with Blender.
+# In a separate process, with Blender.
 
 
 def render(job: dict[str, Any], told_at: str) -> None:

@@ -12,10 +12,10 @@ gentle`` has less than half its relief, finer triangles, and the Sun 30 degrees 
 two thirds.
 
 Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
-for each further pair of the same process. Baked light is in ``first`` whole and not in ``more``. Ratios are those of
-``more``, to which baked light is added divided by each number of ``--images`` that have the ground and the Sun in
-common, but not divided if it is baked only where a pair sees the ground. With ``--baked-pairs`` rows of baked light
-have more headings than others, and errors are those of the headings that all rows have.
+for each further pair of the same process. ``first`` includes all baked light, ``more`` none. Ratios are of ``more`` and
+a part of baked light: its seconds divided by each number of ``--images`` that have the ground and the Sun in common.
+Light that is baked only where a pair sees the ground is not divided. With ``--baked-pairs`` rows of baked light have
+more headings than others, and errors are over the headings that all rows have.
 
 The first row renders only its two images and one depth. All others also render exact depth, normals and labels of both
 eyes. SGBM, StereoBM and JPLV are compared with the exact disparity where both eyes see: coverage, mean error, share

@@ -4,8 +4,8 @@
 
 First this machine is measured, as ``icymoon quality --measure`` does. Then each plan is estimated and rendered by one
 worker of ``icymoon work``. A row has the expected and the taken processor seconds of all processes, with their start,
-builds and bakes, and the bytes of pairs and baked light; below it are the parts taken, by what the pairs state. What is
-made once and kept in the cache folder is made before: stand-ins for the paper's files, in a run that is repeated.
+builds and bakes, and the bytes of pairs and baked light; below it are the measured parts, as the pairs state them.
+Stand-ins for the paper's files, which are kept in the cache folder, are made before, in a run that is repeated.
 Processor seconds depend less on other work of the machine than the time on the clock. Needs Blender as a module.
 """
 

@@ -31,7 +31,7 @@ SMALL: dict[str, Any] = {
     "mesh": {"error_px": 4.0, "edge_px": 24.0},
     "quality": {"samples": 8},
 }
-#: What is varied about ``SMALL``, each alone.
+#: Changes of ``SMALL``, each measured alone.
 ROWS: dict[str, dict[str, Any]] = {
     "Lambert": {"surface": {"model": "LAMBERT"}},
     "Lambert, 2 samples": {"surface": {"model": "LAMBERT"}, "quality": {"samples": 2}},

@@ -5,13 +5,14 @@
 The scene is Europa's rough ice with Lambert's law and without the planet, so that light can be baked, under Suns of two
 heights, seen in two headings. A preset that bakes where this saves time bakes here, as it does in a larger data set.
 
-Each preset renders each view once, in one process for a Sun. A converged render has so many samples, half of them in
-each of two renders, all bounces and no denoiser; the noise that is left in it is subtracted, see ``icymoon trade``.
-``bad_1`` is the share of measured pixels that are wrong by more than 1 px, and ``coverage`` the share of pixels that
-both eyes see and the matcher measures. Both are differences from the converged render, mean of the headings: a preset
-without error has 0. ``cpu_s`` are the processor seconds of the further pairs of a scene, ``bake_cpu_s`` those of baking
-their light, a pair where each bakes what it sees, and once for all where they share it. ``--write`` writes the tables
-to ``presets/qualities``. Renders that are in ``--out`` are not repeated. Needs Blender as a module.
+Each preset renders each view once, in one process for a Sun. A converged render has ``--reference-samples`` samples,
+half of them in each of two renders, all bounces and no denoiser; its remaining noise is subtracted, see ``icymoon
+trade``. ``bad_1`` is the share of measured pixels that are wrong by more than 1 px, and ``coverage`` the share of
+pixels that both eyes see and the matcher measures. Both are differences from the converged render, mean of the
+headings: a preset without error has 0. ``cpu_s`` are the processor seconds of the further pairs of a scene,
+``bake_cpu_s`` those of baking their light, a pair where each bakes what it sees, and once for all where they share it.
+``--write`` writes the tables to ``presets/qualities``. Renders that are in ``--out`` are not repeated. Needs Blender as
+a module.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ from icymoon.stereo.trade.measure_variants import scale_view
 from icymoon.stereo.trade.quality_losses import Reference, measure_variant, read_reference
 
 SCENE = "scenes/europa_rough_ice"
-#: What makes its light such that it can be baked.
+#: Settings with which the light of the scene can be baked.
 LAMBERT: dict[str, Any] = {"surface": {"model": "LAMBERT"}, "light": {"planet": False}}
 METHODS = "bm,sgbm,jplv"
 #: Heights of the Sun, degrees, and headings, in equal steps. Under 8 degrees the site is in the shadow of the hills.
 SUNS, HEADINGS = (30.0, 12.0), 2
-#: What is told of a matcher, with the sign of an increase in its loss.
+#: The stated numbers of a matcher, with the sign of an increase in its loss.
 TOLD = {"bad_1": 1.0, "coverage": -1.0}
 
 

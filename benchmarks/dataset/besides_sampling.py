@@ -78,7 +78,7 @@ def memory(folder: Path) -> list[str]:
 class Ledger:
     """Processor seconds by the last activity that Cycles reported, since the last call of ``taken``."""
 
-    #: What a status line says, by what it stands for; whatever follows the saving is this extension's own.
+    #: Activities, and patterns of the status lines that begin them; all work after the saving is this extension's own.
     LINES = (
         ("sampling", r"Sample \d+/(?!1\b)"),
         ("truth's sample", "Sample"),

@@ -34,7 +34,7 @@ SMALL: dict[str, Any] = {
     "rig": {"width_px": 160, "height_px": 120},
     "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"},
 }
-#: What is varied about ``SMALL`` with the default scene, each alone.
+#: Changes of ``SMALL`` with the default scene, each measured alone.
 ROWS: dict[str, dict[str, Any]] = {
     **{f"{n} samples": {"quality": {"samples": n}} for n in (1, 4, 16, 64)},
     **{

@@ -2,11 +2,11 @@
 
     python benchmarks growth [--pairs 10 100 1000] [--evaluate]
 
-Each data set has so many tiny pairs of a plan, whose images are copies of one, and whose ``pair.json`` states what a
-rendered one does. Columns are: a start of the command line for its help, ``verify``, ``batch`` on the complete data
-set, one ``work`` shard of it, the job file that has all its pairs (written, read by a worker, and its bytes), and with
-``--evaluate`` ``evaluate --methods bm`` with the bytes of its ``report.json``. Needs no Blender. Times of commands are
-of their processes and all that they start.
+Each data set has as many tiny pairs of a plan as ``--pairs`` states. Their images are copies of one, and their
+``pair.json`` has the entries of a rendered pair. Columns are: a start of the command line for its help, ``verify``,
+``batch`` on the complete data set, one ``work`` shard of it, the job file that has all its pairs (written, read by a
+worker, and its bytes), and with ``--evaluate`` ``evaluate --methods bm`` with the bytes of its ``report.json``. Needs
+no Blender. Times of commands are of their processes and all that they start.
 """
 
 from __future__ import annotations

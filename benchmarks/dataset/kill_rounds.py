@@ -3,10 +3,10 @@
     python benchmarks kill_rounds OUT [--rounds 45] [--seed 1]
 
 Each round starts one or two runners. After a random time one of them, its workers or all get SIGKILL, SIGINT, SIGTERM
-or SIGSTOP; what was stopped goes on after a while, sometimes after others have taken its claims over, or is killed.
+or SIGSTOP; a stopped process continues after a while, sometimes after others have taken over its claims, or is killed.
 A complete data set loses some pairs, and sometimes its light. At the end one run completes it. The images and the light
-must be those of a run without interruption, byte for byte, ``verify`` must find nothing, and nothing may be left over.
-Prints what was done, and ends with status 1 if something is wrong. Needs Linux and Blender as a module.
+must equal the files of a run without interruption, byte for byte, ``verify`` must find nothing, and nothing may be left
+over. Prints what was done, and ends with status 1 if something is wrong. Needs Linux and Blender as a module.
 """
 
 from __future__ import annotations

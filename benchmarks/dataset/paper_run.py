@@ -3,14 +3,14 @@
     python benchmarks paper_run --out FOLDER [--pairs 220] [--scale 0.5] [--sets snow rocks]
 
 Whole scenes, each with its four headings, are drawn at random from the seven sets of ``datasets/guiss_all``, with the
-materials and the quality of these plans: so many pairs of a set as it has among all, but 16 at least. Each set is a
-data set in FOLDER that ``icymoon work`` renders, so the same command continues what was stopped, and ``icymoon verify``
+materials and the quality of these plans: each set has its share of ``--pairs``, but at least 16 pairs. Each set is a
+data set in FOLDER that ``icymoon work`` renders, so the same command continues a stopped run, and ``icymoon verify``
 checks it.
 
 A row is a set. Processor seconds are those of ``icymoon work`` and its worker, with their start, builds and bakes, a
-pair; ± is the standard error over scenes. In brackets is what the pairs state of themselves, and what a dry run expects
-of the same pairs, on this machine if ``icymoon quality --measure`` has measured it. The last lines are sums over the
-sets, each by the number of its pairs. Needs Blender as a module.
+pair; ± is the standard error over scenes. In brackets are the seconds that the pairs state, and those that a dry run
+expects for the same pairs, for this machine if ``icymoon quality --measure`` has measured it. The last lines are sums
+over the sets, each by the number of its pairs. Needs Blender as a module.
 """
 
 from __future__ import annotations

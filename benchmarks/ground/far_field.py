@@ -3,8 +3,8 @@
     python benchmarks far_field [PRESET ...]     presets with hills (scenes/enceladus_block_field)
 
 The preset is built and a pair rendered with the gallery's camera, 480 pixels wide, at the quality draft: without both,
-with hills, with rocks beyond the patch, with both. Each is measured in a process of its own: vertices of the ground,
-rocks, processor seconds to build and to render, peak memory; ``+`` is what is added to the first. Needs Blender as a
+with hills, with rocks beyond the patch, with both. Each is measured in a separate process: vertices of the ground,
+rocks, processor seconds to build and to render, peak memory; ``+`` is the increase over the first. Needs Blender as a
 module.
 """
 

@@ -2,11 +2,11 @@
 
     python benchmarks fine_relief [PRESET [SAMPLES [HEADINGS [SCALE]]]]     scenes/europa_rough_ice, 8, 1 and 1
 
-The preset is built with its own camera and pairs rendered at so many headings, in a process of its own for each way:
+The preset is built with its own camera and pairs are rendered at HEADINGS headings, in a separate process for each way:
 fine relief as bump, displaced on the mesh as it is, real. SCALE below 1 makes image, height of the camera and baseline
 smaller alike, so that relief is as large in pixels as before. Angles are those between the left eye's shading normals
 and facets, on the ground, as rocks' relief is always bump: median and 90 %, and the median of ground nearer than twice
-the nearest ("near"). Matchers: mean error of what they measure, against the depth of the same pair, in pixels and in
+the nearest ("near"). Matchers: mean error of the measured pixels, against the depth of the same pair, in pixels and in
 millimetres, and the share of pixels that are wrong by more than 1 px or missing. Needs Blender as a module and the
 evaluator's packages.
 """

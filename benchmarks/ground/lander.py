@@ -3,7 +3,7 @@ the arm's forward kinematics.
 
     python benchmarks lander [--width PX] [--samples N]
 
-The scene is ``workspace_europa_lander`` on a grid, so that most of the time is that of rays. Building is not counted.
+The scene is ``workspace_europa_lander`` on a grid, so that rays take most of the time. Building is not counted.
 """
 
 from __future__ import annotations

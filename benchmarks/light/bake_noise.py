@@ -3,14 +3,14 @@
     python benchmarks bake_noise [--scale 0.15] [--suns 24 8] [--headings 0] [--bakes 4 16 64 256]
         [--traced 16 64] [--converged 1024]
 
-The scene is that of ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the
+The scene comes from ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the
 verdict with the share of the pixels that noise hides in light or shadow, whichever is more; the same share without the
 error of the bake, from what differs between the eyes alone; the noise of the bake over all light, as ``pair.json``
 states it; the share that the difference from the converged render truly hides; the root mean square difference of the
-light over the mean, what of that is one factor for all pixels (bias), and by how many points the share changes that
-each matcher has wrong or missing.
+light over the mean, the part of it that is one factor for all pixels (bias), and the change, in points, of the share of
+pixels that each matcher has wrong or missing.
 
-Below each Sun and heading is Kendall's tau between either share and what is truly hidden, and the distance of light:
+Below each Sun and heading is Kendall's tau between either share and the truly hidden share, and the distance of light:
 1 if the order is the same, -1 if it is the opposite. Needs Blender as a module.
 """
 

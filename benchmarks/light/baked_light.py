@@ -3,10 +3,10 @@
     python benchmarks baked_light [--scale 0.25] [--bake-samples 16] [--samples 32] [--headings 0 180]
         [--rocks 0.1] [--planet]
 
-The scene is that of ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the share
-of its light that is baked, by how much that differs from traced indirect light, and the difference over all light of
-the pair, with ``--rocks`` also over the pixels of rocks alone, with ``--planet`` over each light group. Needs Blender
-as a module.
+The scene comes from ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the share
+of its light that is baked, the difference of this light from traced indirect light, and the difference over all light
+of the pair, with ``--rocks`` also over the pixels of rocks alone, with ``--planet`` over each light group. Needs
+Blender as a module.
 """
 
 from __future__ import annotations

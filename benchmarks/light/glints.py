@@ -3,9 +3,9 @@
     python benchmarks glints FOLDER
 
 ``FOLDER`` is a pair's, with its depth. A glint is brighter than 1.5 times the median of the 5 x 5 pixels around it, on
-ground that is lit. It is in both eyes if one of the three pixels about where its point is in the right eye glints too.
-"By chance" is the share of lit pixels of the right eye of which that holds. Noise of few samples counts too. Needs
-the evaluator's packages.
+ground that is lit. It is in both eyes if one of the three pixels around its point in the right eye glints too. "By
+chance" is the share of the right eye's lit pixels with a glint among the three pixels around them. Noise of few samples
+counts too. Needs the evaluator's packages.
 """
 
 from __future__ import annotations

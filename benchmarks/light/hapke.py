@@ -5,7 +5,7 @@
     python benchmarks hapke planet       how many directions represent a planet's lit disc
     python benchmarks hapke curve FILE   phase curves of the presets with their opposition surge, as SVG
 
-Costs are those of the samples only (64 minus 1). Each is the lowest of three rounds that alternate between
+Costs are of the samples only (64 minus 1). Each is the lowest of three rounds that alternate between
 the models, so that a busy machine affects all equally. ``cost`` and ``error`` need Blender as a module.
 
 ``planet`` divides the lit disc into n x n pieces and represents each by a direction at its centre. It compares the

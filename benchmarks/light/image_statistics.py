@@ -4,7 +4,7 @@
 
 For each: the slope of the power spectrum of the light, over the largest square of the left image that shows ground; and
 the shares of ground pixels that are saturated and darker than 2 % of the full scale, at the Sun of the preset and at a
-Sun 8 degrees high. The image is that of the preset, 512 pixels wide, exposed by its own camera response.
+Sun 8 degrees high. The image is the preset's, 512 pixels wide, exposed by its own camera response.
 """
 
 from __future__ import annotations

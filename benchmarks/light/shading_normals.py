@@ -6,8 +6,8 @@ differences.
 
 Mitsuba renders each export as it is, and with a Lambert law that is not black where a shading normal turns away from a
 camera that sees the facet. Then the pixels are left out that see a facet which is turned from the Sun while its shading
-normal is not. What is blamed for a difference takes it away. Prints the share of the pixels that are left, the mean
-radiance of Cycles over that of Mitsuba, and RMS and largest difference of 64 regions.
+normal is not. If shading normals explain a difference, one of these changes removes it. Prints the share of the pixels
+that are left, the mean radiance of Cycles over Mitsuba's, and RMS and largest difference of 64 regions.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SCENE_NAMES = ("grazing view to the horizon", "deep shadow on the default mesh")
 NEVER_BLACK = '<bsdf type="never_black"><float name="albedo" value="0.8"/></bsdf>'
 SAMPLES, FINER = 128, 8
-#: Regions of which less is left are not compared.
+#: Regions with a smaller share of pixels left are not compared.
 LEAST_LEFT = 0.1
 
 

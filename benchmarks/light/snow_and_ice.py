@@ -2,8 +2,8 @@
 
     python benchmarks snow_and_ice [--width PX] [--samples N]
 
-Renders rocks on broken ground with each layer, and without. What glints do to matchers, ``icymoon trade --vary glints``
-measures.
+Renders rocks on broken ground with each layer, and without. ``icymoon trade --vary glints`` measures the effect of
+glints on matchers.
 """
 
 from __future__ import annotations

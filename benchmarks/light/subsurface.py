@@ -2,8 +2,8 @@
 
     python benchmarks subsurface --scale 0.5 --pairs 2
 
-The scene and the comparison are those of ``guiss_cost``: the GUISS paper's snow, each row compared with the first
-one, which follows a random walk with the paper's samples and denoiser. Columns are those of ``guiss_cost``; the last
+The scene and the comparison come from ``guiss_cost``: the GUISS paper's snow, each row compared with the first
+one, which follows a random walk with the paper's samples and denoiser. Columns are as in ``guiss_cost``; the last
 one is the mean radiance over that of the first row. Needs Blender as a module and the evaluator's packages.
 """
 

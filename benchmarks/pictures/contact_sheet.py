@@ -25,7 +25,7 @@ from icymoon.support.arrays import Array
 
 SHEET = Path(__file__).resolve().parents[2] / "docs" / "images" / "terrains.png"
 WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18
-#: From the edge of the patch over all of it.
+#: A camera that looks from the edge of the patch over all of it.
 VIEW: Parts = {
     "rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
     "terrain": {"resolution": 641},

@@ -3,7 +3,7 @@
     python benchmarks adapters           # without torch
     python benchmarks adapters --torch   # also programs that load torch
 
-One 640 x 480 pair in colour. The programs return a constant, so all that is measured is the way there and back: images
+One 640 x 480 pair in colour. The programs return a constant, so only the exchange is measured: images
 written and read, disparity written, read and checked, and libraries loaded. The columns are milliseconds of waiting and
 of processor, of all processes, per pair: the mean of 50 pairs after the first one (of five for programs that are
 started for each pair), and the start with the first pair. Needs Linux. Compare the ratios. The ONNX network compares

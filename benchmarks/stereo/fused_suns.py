@@ -188,7 +188,7 @@ def make_rows(
 def _measure_ground(
     recipe: Recipe, methods: Sequence[Method], arms: Sequence[str]
 ) -> list[tuple[str, str, dict[str, object], float]]:
-    """Arm, method, numbers and processor seconds since the one before of all decisions on a ground."""
+    """Arm, method, numbers and processor seconds of each decision on a ground, counted from the decision before."""
     found, start = [], time.process_time()
     ground = build_ground(recipe)
     try:

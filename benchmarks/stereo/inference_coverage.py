@@ -4,16 +4,16 @@
     python benchmarks inference_coverage --runs 10000 --beyond
     python benchmarks inference_coverage --runs 1000 --means
 
-Each cell has so many data sets. Errors of methods are drawn for each scene: normal, lognormal (sd of the logarithm 1),
-exponential, or beta(0.3, 5), which is bounded and skewed. All methods have the same spread, or the first one a quarter,
-a tenth, or nothing of it. They are shifted so that all typical differences are zero. The true one is the pseudomedian
-of the differences, the median of 4 million means of two, or zero if they are symmetric.
+Each cell has ``--runs`` data sets. Errors of methods are drawn for each scene: normal, lognormal (sd of the logarithm
+1), exponential, or beta(0.3, 5), which is bounded and skewed. All methods have the same spread, or the first one a
+quarter, a tenth, or nothing of it. They are shifted so that all typical differences are zero. The true one is the
+pseudomedian of the differences, the median of 4 million means of two, or zero if they are symmetric.
 
 Methods that are worse by any amount are not drawn, since a shift of a method changes neither residuals nor limit: an
 interval misses the true difference where it would miss zero. ``tests/stereo/inference/test_coverage.py`` shows it with
 the product's intervals. Here p is counted for many data sets at once, and that test holds it equal to the product's.
 
-The tables are those of ``docs/theory/inference.md``: the worst of all cells with so many methods and scenes.
+The tables are in ``docs/theory/inference.md``: the worst of all cells with the same numbers of methods and scenes.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ SPREADS = (1.0, 0.25, 0.1, 0.0)
 #: take longer and have a quarter of the data sets.
 METHODS = (2, 3, 4, 5, 6)
 MORE, MANY = (0, 1), 20
-#: Of mean differences.
+#: Numbers of methods and spreads in the study of mean differences.
 METHODS_OF_MEANS, SPREADS_OF_MEANS = (2, 3, 6), (1.0, 0.25)
-#: Up to so many scenes all flips are made, otherwise so many; and how many numbers are held at once.
+#: Most scenes for which all flips are made, number of flips with more scenes, and most numbers held at once.
 MOST_EXACT, FLIPS = 13, 5000
 HELD = 10_000_000
 #: Shares of a scene: how they are drawn, and their mean.

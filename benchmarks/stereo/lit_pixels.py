@@ -6,7 +6,7 @@ A pixel is lit in truth if the middle of the Sun is visible from the ground in i
 under a Sun of each range, from one side, by the lander's camera at half its resolution. The rules are the shipped one,
 a share of the median of the ground; the same share of a high quantile; and Otsu's threshold of the logarithm, with all
 ground lit where the means of both classes are less than ``_APART`` times apart. Shadows are lit by other ground, and by
-a sky as bright as a full Jupiter over Europa. Terrains and rocks are those of training.
+a sky as bright as a full Jupiter over Europa. Terrains and rocks are as in training.
 """
 
 from __future__ import annotations

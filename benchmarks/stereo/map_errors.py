@@ -2,10 +2,10 @@
 
     python benchmarks map_errors --grounds 40
 
-Pairs are made by rays, see ``stereo.learning.made_pairs``, each with a camera, a Sun and faults of its own. A matcher's
-scales are fitted on every second ground and checked on the others: the shares of errors within one and two standard
-deviations, with 95 % intervals over grounds, beside those of normal errors. Grounds with hanging shapes are left out,
-and so is a pair on which a matcher knows no cell.
+Pairs are made by rays, see ``stereo.learning.made_pairs``, each with another camera, Sun and faults. A matcher's scales
+are fitted on every second ground and checked on the others: the shares of errors within one and two standard
+deviations, with 95 % intervals over grounds, beside the shares of normal errors. Grounds with hanging shapes are left
+out, and so is a pair on which a matcher knows no cell.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@
 
 One synthetic 640 x 480 pair with noise. Each matcher runs in a separate process on one thread. The columns are the CPU
 seconds of the fastest of three matches (of one for a network), and the peak memory in addition to images and libraries.
-Compare the ratios. Errors are those of the measured pixels. Locking is the spread, px, of the mean error over sixteen
+Compare the ratios. Errors are over the measured pixels. Locking is the spread, px, of the mean error over sixteen
 classes of the fraction of the true disparity; it is large for a matcher that prefers whole pixels. Memory needs Linux.
-With a CUDA device the networks also run there, and their results are compared with those of the processor.
+With a CUDA device the networks also run there, and their results are compared with the processor's.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the variety of training pairs is worth: icynet trained on narrower sets, tested on grounds it never saw.
+"""The value of variety in training pairs: icynet trained on narrower sets, tested on grounds it never saw.
 
     python benchmarks training_worth --out FOLDER [--steps 200] [--seeds 3] [--processes 2] [--pairs PAIRS]
 
@@ -134,7 +134,8 @@ def train_and_test(training: Training, steps: int, out: Path, dataset: Path | No
 
 
 def print_table(rows: list[tuple[Training, dict[str, float]]]) -> None:
-    """Print the mean of the trainings on everything, the others' differences from it, and what can be shown."""
+    """Print the mean of the trainings on everything, the others' differences from it, and the least difference that can
+    be shown."""
     whole = [found for training, found in rows if training.name == "everything"]
     columns = list(whole[0])
     table = np.array([[each[column] for column in columns] for each in whole])

@@ -3,13 +3,13 @@
     python benchmarks fit_check DATASET [DATASET ...]
     python benchmarks fit_check DATASET --render 128
 
-With ``--render`` so many grounds of eight scenes are rendered into the data set first, in four headings each at 192 x
-144 px, with Suns of 2 to 80°, views from 5 to 85° down, baselines of 5 to 60 cm and cameras 0.5 to 4 m high. Of each 32
-grounds the last eight have eyes that are toed in by up to 5°.
-Each pair of the data sets is checked as it is, then with its depth or disparity changed in each way that is listed. The
-table counts, for each kind, the pairs whose fault is named, those for which the check only states that nothing fits,
-those of which the images do not tell, those that pass, and those in which another fault is named. The right eye's truth
-and the mask of what it sees too are held against the left eye's truth in the same way.
+``--render`` renders this number of grounds of eight scenes into the data set first, in four headings each at 192 x 144
+px, with Suns of 2 to 80°, views from 5 to 85° down, baselines of 5 to 60 cm and cameras 0.5 to 4 m high. Of each 32
+grounds the last eight have eyes that are toed in by up to 5°. Each pair of the data sets is checked as it is, then with
+its depth or disparity changed in each way that is listed. The table counts, for each kind, the pairs whose fault is
+named, those for which the check only states that nothing fits, those on which the images do not decide, those that
+pass, and those in which another fault is named. The right eye's truth and the mask of what it sees too are held against
+the left eye's truth in the same way.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Rays a second of a LiDAR's scan among 16,381 rocks, its memory, and what beams of few rays miss.
+"""Rays per second and memory of a LiDAR scan among 16,381 rocks, and the returns that beams of few rays miss.
 
     python benchmarks lidar_beams [--rays 10000000]
 
 The first part counts all work of a scan in processor seconds: directions, tracing, energies and returns. The second
-holds beams of few rays against beams of 2401 rays, among 1500 rocks from a mast of 2 m, with a half-angle of 5 mrad:
+compares beams of few rays with beams of 2401 rays, among 1500 rocks from a mast of 2 m, with a half-angle of 5 mrad:
 the RMS error of a beam's energy, the share of beams with two surfaces of 5 % of the pulse or more that have several
 returns, and the share of beams that have several where 2401 rays have one.
 """

@@ -6,7 +6,7 @@ From the left eye's true depth a ray goes from the right eye to the point of eac
 bounding-volume hierarchy and not through Cycles: a point is hidden if that ray meets something whose disparity is
 larger by 0.01 px. "> 0.25 px" and "> 1 px" are points whose occluder is nearer by more than that. Both eyes are
 compared. The first row is of pairs as they are rendered by default, with a ray to the point of each pixel; the others
-are found between Cycles' rays. Cost is the processor time of these as a ratio to that of all else that a pair takes.
+are found between Cycles' rays. Cost is the processor time of these as a ratio to the rest of a pair's processor time.
 Fine relief is bump, since Blender's tree does not know where Cycles moves vertices.
 """
 

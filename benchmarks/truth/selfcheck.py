@@ -65,7 +65,7 @@ GROUNDS = {
 }
 HEADINGS_DEG = (0, 130)
 PAIRS_PER_VIEW = 16
-#: What is put over the surface of a ground; "own" leaves it. "glossy" is of the paper's snow.
+#: Changes of a ground's surface; "own" changes nothing. "glossy" is the paper's snow.
 SURFACES: dict[str, dict[str, Any]] = {
     "own": {},
     "glossy": {
@@ -96,7 +96,7 @@ SURFACES: dict[str, dict[str, Any]] = {
 TOE_IN_DEG = (0, 0, 0, 1, 2, 4, 6, 8, 10)
 SAMPLES = (4, 4, 4, 8, 8, 8, 16, 16, 32, 64)
 SUN_ELEVATION_DEG = (1, 2, 4, 8, 15, 24, 40, 75)
-#: From the direction of view; 0 is before the camera, so that it faces the Sun.
+#: Angle from the direction of view; at 0 the camera faces the Sun.
 SUN_AZIMUTH_DEG = (0, 0, 0, 45, 90, 135, 180, 270)
 DENOISERS = ("NONE", "NONE", "NONE", "NONE", "OIDN")
 LENSES: dict[str, dict[str, Any]] = {

@@ -25,7 +25,7 @@ from icymoon.settings.topics.scene import typed
 from icymoon.stereo.trade.measure_variants import scale_view
 
 WAYS = ("depth alone", "by rays", "by Cycles, as it is lit", "lamps off", "depth without surfaces, too")
-#: Where the ways of Cycles begin, each of which leaves out more.
+#: Index of the first way by Cycles; each later way leaves out more.
 _CYCLES = 2
 
 

@@ -5,8 +5,8 @@
 
 Each preset is built. Then its ruggedness changes as if the slider were dragged. An update includes the height function,
 mesh, rocks, bookkeeping and Blender's own evaluation, everything except drawing. Milliseconds and rates are of
-processor time, which on an idle machine equals real time. ``full`` is the time of a full build divided by that of an
-update of the same run. The window uses the largest side with an update below ``live.BUDGET_S``. Needs Blender as a
+processor time, which on an idle machine equals real time. ``full`` is the time of a full build divided by the time of
+an update of the same run. The window uses the largest side with an update below ``live.BUDGET_S``. Needs Blender as a
 module.
 """
 

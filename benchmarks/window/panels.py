@@ -2,7 +2,7 @@
 
     python benchmarks panels
 
-Panels are drawn on a layout that does nothing, so the figures are those of our own code. They are compared with reading
+Panels are drawn on a layout that does nothing, so the figures are of our own code. They are compared with reading
 the settings once, in the same run. Between two drawings passes more time than settings that were read are kept, as
 between two redraws of a window at rest. The least time counts, so that other work on the machine is left out.
 """

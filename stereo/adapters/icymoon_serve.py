@@ -62,7 +62,7 @@ def serve(
         request = json.loads(lines.get())
         try:
             answer = {"id": request["id"], "ok": True, **_answer_request(disparity, request), "facts": facts()}
-            json.dumps(answer, allow_nan=False)  # which refuses facts that no line of JSON has
+            json.dumps(answer, allow_nan=False)  # refuses facts that JSON cannot represent
         except Exception as error:
             traceback.print_exc()
             answer = {"id": request["id"], "error": f"{type(error).__name__}: {error}"[:1000]}
@@ -70,14 +70,14 @@ def serve(
 
 
 def drop_single_axes(values: np.ndarray) -> np.ndarray:
-    """The array (H, W) of (1, H, W), (H, W, 1) and the like: networks return a batch or a channel of one."""
+    """Reduce (1, H, W), (H, W, 1) and the like to (H, W): networks return a batch or a channel of one."""
     while values.ndim > 2 and 1 in (values.shape[0], values.shape[-1]):
         values = values[0] if values.shape[0] == 1 else values[..., 0]
     return values
 
 
 def to_numpy(found: Any) -> np.ndarray:
-    """An array of anything, also of a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks."""
+    """Convert an array, or a PyTorch tensor on any device and of any type, to a NumPy array."""
     return np.asarray(found.detach().float().cpu().numpy() if hasattr(found, "detach") else found)
 
 
@@ -100,9 +100,9 @@ def to_disparity_map(found: object, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _take_streams() -> tuple[IO[bytes], IO[bytes]]:
-    """The streams of the protocol, taken from the standard ones.
+    """Take over the standard streams for the protocol; return requests and answers.
 
-    Libraries print, which must not get between the answers. On Windows, they also wait for a standard input that
+    Text that libraries print must not mix with the answers. On Windows, libraries also wait for a standard input that
     another thread reads.
     """
     sys.stdout.flush()
@@ -142,7 +142,7 @@ def _answer_request(disparity: Callable[..., Any], request: dict[str, Any]) -> d
     found = to_disparity_map(found, left.shape[:2])  # waits for the GPU
     took = {"seconds": time.perf_counter() - wall, "cpu_seconds": time.process_time() - cpu, **_measure_gpu_use(begin)}
     np.save(request["out"], found)
-    if stated and "confidence" in request:  # an older Icy Moon asks for none
+    if stated and "confidence" in request:  # an older Icy Moon asks for no confidence
         np.save(request["confidence"], np.asarray(to_numpy(stated[0]), np.float32))
         took["confidence"] = "confidence"
     return {**took, **_measure_peak_memory()}

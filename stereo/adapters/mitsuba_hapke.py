@@ -125,7 +125,8 @@ def register_bsdf(
             self.m_components, self.m_flags = [flags], flags
 
         def _is_seen(self, si: mi.SurfaceInteraction3f) -> mi.Bool:
-            # A shading normal may turn away from a ray that meets the facet from above: the law at grazing sight.
+            # A shading normal may turn away from a ray that meets the facet from above; the law then holds at grazing
+            # sight.
             return dr.dot(si.n, si.to_world(si.wi)) > 0
 
         def _value(self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
@@ -140,7 +141,7 @@ def register_bsdf(
             sample2: mi.Point2f,
             active: mi.Bool = True,
         ) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-            """A direction by the cosine, and its value over its density."""
+            """Sample a direction by the cosine; return it with BRDF times cosine over its density."""
             wo = mi.warp.square_to_cosine_hemisphere(sample2)
             found = mi.BSDFSample3f()
             found.wo, found.pdf, found.eta = wo, mi.warp.square_to_cosine_hemisphere_pdf(wo), 1.0

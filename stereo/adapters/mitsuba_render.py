@@ -24,7 +24,7 @@ def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.nd
     mi.set_variant("llvm_ad_rgb")
     for law in ("hapke", "snow"):
         if f"icymoon_{law}" in scene_file.read_text(encoding="utf-8"):
-            # The one beside this file: what comes with a scene is not run.
+            # Import the module beside this file; code that comes with a scene is not run.
             importlib.import_module(f"mitsuba_{law}").register()
     scene = mi.load_file(str(scene_file))
     radiance = np.array(mi.render(scene, spp=samples, seed=seed))

@@ -45,8 +45,8 @@ def main() -> None:
 def _refuse_pickles() -> None:
     """Restrict the reading of checkpoints to data.
 
-    The package reads one that contains more than parameters a second time with ``weights_only=False``, which runs
-    whatever code the file brings.
+    If a checkpoint contains more than parameters, the package reads it again with ``weights_only=False``, which runs
+    code in the file.
     """
     import torch
 

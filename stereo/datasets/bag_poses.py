@@ -20,7 +20,7 @@ from ...support.foreign_bytes import explain_errors
 from ...support.suggestions import suggest_nearest
 
 _TRANSFORMS_TYPE = "tf2_msgs/msg/TFMessage"
-#: The topic of transforms that never change, which tells how frames stand on those of the topic of moving ones.
+#: The topic of transforms that never change: the poses of frames that are fixed to other frames.
 _STATIC_TOPIC = "/tf_static"
 #: Types of messages with a pose, and the attributes that lead to it.
 _POSE_PATHS = {
@@ -50,7 +50,7 @@ class _Frame:
 class BagPoses:
     """The poses (4, 4) of the frame ``frame`` in the frame ``parent`` by ``stamps`` in seconds, in the order of time.
 
-    Both names are those of the bag and may be empty.
+    Both names are from the bag and may be empty.
     """
 
     stamps: list[Decimal]
@@ -67,8 +67,8 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     """The poses of a moving frame, of a topic in a bag.
 
     ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
-    A frame that stands still on one that moves, as a camera on a robot, moves with it. Raises IcyMoonError for a bag
-    without poses, for different poses with one stamp, and for a frame that moves in one that moves itself.
+    A frame that is fixed to a moving frame, as a camera to a robot, moves with it. Raises IcyMoonError for a bag
+    without poses, for different poses with one stamp, and for a moving frame whose parent frame moves too.
     """
     if importlib.util.find_spec("rosbags") is None:
         raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')
@@ -155,7 +155,7 @@ def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
 
 
 def _read_message(message: Any, kind: str) -> Iterator[tuple[str, str, Decimal, Array]]:
-    """Moving frame, the frame it is given in, stamp and pose of each pose in a message."""
+    """Moving frame, parent frame, stamp and pose (4, 4) of each pose in a message."""
     for each in message.transforms if kind == _TRANSFORMS_TYPE else [message]:
         stamp = each.header.stamp
         value = each

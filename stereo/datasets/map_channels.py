@@ -1,7 +1,7 @@
 """Chooses the channel of an EXR file, or the array of an npz file, that contains a map of disparity or depth.
 
-A file may have many channels: colours, normals, the depths of several layers. A channel is chosen only if the names of
-all channels exclude every other. If several remain, the user must state one.
+A file may have many channels: colours, normals, the depths of several layers. A channel is chosen only if the names
+exclude all other channels. If several remain, the user must state one.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _PASSES_WITHOUT_MAP = (
 )
 #: Number of names that a sentence quotes.
 _MOST_QUOTED_NAMES = 6
-#: Components of a vector, of which two or more are no maps; colours of a picture; and its opacity.
+#: Components of a vector (two or more of them are no map), colours of a picture, and the picture's opacity.
 _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
 

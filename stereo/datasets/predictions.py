@@ -23,13 +23,13 @@ from .data_files import MapFile, read_map, resolve_inside
 from .input_faults import check_prediction
 from .markers import is_possible
 
-#: Stands in place of the matcher's name for such a method.
+#: Name of a method of predictions, in place of a matcher's name.
 PREDICTION = "prediction"
 #: Endings of prediction files; the first that exists counts.
 PREDICTION_SUFFIXES = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
 #: Most files of a folder that are searched for a prediction under another name.
 _MOST_SEARCHED_FILES = 1000
-#: What a file beside a disparity may state, and the ends of its name.
+#: Quantities that a file beside a disparity may state; its name ends in the quantity.
 _STATED = (CONFIDENCE, ERROR_PX)
 _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 

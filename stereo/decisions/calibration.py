@@ -1,7 +1,7 @@
 """Calibrates decisions: the margin from which on a chosen site is guaranteed, from the losses of grounds.
 
 A ground has one loss, the worst of its pairs. The loss of the *choice* is 1 if the chosen site has the margin and is
-unsafe, else 0: who abstains loses nothing. The loss of the *map* is the unsafe share of the cells with the margin, the
+unsafe, else 0: an abstention has no loss. The loss of the *map* is the unsafe share of the cells with the margin, the
 largest at this margin or a larger one.
 """
 

@@ -14,7 +14,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import make_json_digest, shorten
 from ...support.suggestions import suggest_nearest
 
-#: Settings of a rig and an arm that a plan varies from pair to pair: they aim and move them, and are no part of them.
+#: Settings that aim a rig or move an arm. A plan varies them from pair to pair, so they do not describe a device.
 _PLACE_SETTINGS = (
     *("x_m", "y_m", "z_m", "height_from", "heading_deg", "pitch_deg", "roll_deg", "frame", "stamp"),
     *("yaw_deg", "shoulder_deg", "elbow_deg", "wrist_deg", "joints"),
@@ -70,8 +70,8 @@ def state_pair(
 
 
 def join_statements(pairs: Sequence[StatedPair]) -> StatedPair:
-    """The statements of a site that several pairs show: ground and group are of the last, and a device stands for all
-    devices if they differ, as with exposures.
+    """The statements of a site that several pairs show. Ground and group are from the last pair. Devices that differ,
+    as in exposure, become a digest of all of them.
     """
     last = pairs[-1]
     devices = {name: sorted({pair.devices[name] for pair in pairs}) for name in last.devices}

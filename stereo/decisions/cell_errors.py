@@ -109,9 +109,8 @@ def measure_sampling_variance(position_m: Array, grid: Grid, disc_m: float) -> A
 
 
 def debias_planes(planes: Planes, dem: Dem, errors: CellErrors, disc_m: float, share: float = 1.0) -> Planes:
-    """Planes without the bias that the errors of the heights give to roughness and slope; ``share`` of it is removed.
-
-    Where the errors would explain all roughness, it is 0: the heights cannot show any.
+    """Planes without the bias that the errors of the heights give to roughness and slope; ``share`` of the bias is
+    removed. The roughness is 0 where the errors alone explain it.
     """
     noise, effective, smoothed = pool_errors(dem, errors, disc_m)
     roughness2 = planes.roughness_m**2 + share * (smoothed - noise * (1 - 3 / effective))

@@ -101,7 +101,7 @@ def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tup
     """Points (n, 3), m, in the site's frame of the known pixels of a planar depth (H, W), and the pixels' flat indices.
 
     ``pose`` (4, 4) is the transform from the eye of the parallel rig, in OpenCV's axes, to the site; with a rolling
-    shutter (H, 4, 4) has that of each row.
+    shutter it is (H, 4, 4), one for each row.
     """
     index = np.flatnonzero(np.isfinite(depth_m))
     row, column = np.divmod(index, depth_m.shape[1])

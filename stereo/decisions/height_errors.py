@@ -3,7 +3,8 @@
 The shape follows from the elevation model alone, for any matcher: a height errs in proportion to the variation of the
 heights within cells around it, see ``cell_errors``, or by what the ring of a filled cell states. The scale is measured
 on grounds of known heights: the shares of errors within one and two standard deviations differ least from those of
-normal errors, where each ground counts once. So it is right on average over grounds, and nothing makes errors normal.
+normal errors, where each ground counts once. So the scale is right on average over grounds, although the errors may not
+be normal.
 """
 
 from __future__ import annotations

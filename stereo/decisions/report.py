@@ -58,7 +58,7 @@ _LEAST_KNOWN_SHARE = 0.5
 _GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
 #: Share of filled heights above which the cells are too small for the images.
 _MOST_FILLED_SHARE = 0.2
-#: Share of the safe sites that even the true depth loses above which a pair cannot rank matchers.
+#: A pair cannot rank matchers if the true depth itself loses more than this share of the safe sites.
 MOST_LOST_BY_TRUTH = 0.5
 #: Reasons for which a safe site is lost, by the names of ``safe_sites.RULE_NAMES``.
 _REASONS = {
@@ -323,7 +323,7 @@ def _has_suns(facts: _Entries) -> bool:
 
 
 def _name_unit(facts: _Entries) -> str:
-    """The noun for what a decision is on: a pair, or the site of the pairs whose Suns are fused."""
+    """The noun for the subject of a decision: a pair, or a site whose Suns are fused."""
     return "site" if _has_suns(facts) else "pair"
 
 
@@ -357,7 +357,7 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
         )
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
     between = _format_interval(entry, "sites.false_safe")
-    chosen = "place" if unit == "site" else "site"  # a site of pairs is not the one that is chosen in it
+    chosen = "place" if unit == "site" else "site"  # "site" already names the pairs
     return (
         f"With {name}{sun}, {_format_percent(unsafe)} of 100 sites that look safe are not{between}"
         f"{'' if lost is None else f', and {_format_percent(lost)} of 100 safe ones are lost'}; it would choose a "

@@ -28,7 +28,7 @@ class SiteRules:
     lit_share: float  # least share of the disc in light of the Sun; 0: not asked
     lit_level: float  # share of the median level from which on a pixel is lit
     known_share: float  # least share of known cells in the disc
-    tolerance: float  # share of a limit by which an unsafe site may miss it and be marginal, not dangerous
+    tolerance: float  # a site that misses a limit by more than this share of it is dangerous, else marginal
     # Rules that apply only if a file states them.
     least_albedo: float | None = None  # albedo of the disc in even light, as the mean of the bands R, G, B
     most_albedo: float | None = None
@@ -84,7 +84,7 @@ class Rules:
 
 _RULES_BY_TABLE = {"site": SiteRules, "pad": PadRules, "cells": CellRules}
 _SHARE_RULES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share", "debias")
-#: Rules that may be 0, which switches something off.
+#: Rules whose value 0 switches a check or a step off.
 _MAY_BE_ZERO = ("lit_share", "gap_m", "debias", "disparity_error_px", "tolerance")
 
 

@@ -60,9 +60,9 @@ class SiteLayers:
 
 @dataclass(frozen=True)
 class Sites:
-    """A suitability map. ``margin`` is the least over the rules of the way from the limit to the value: safe from 0 on,
-    at most 1, minus infinity where a value is unknown. Its unit is the limit; a share that meets its limit has the way
-    from the limit to 1 as its unit. ``failed`` is SAFE or the code of the first rule that fails.
+    """A suitability map. ``margin`` is the smallest distance of a value from its limit over all rules: safe from 0 on,
+    at most 1, minus infinity where a value is unknown. Its unit is the limit. For a share that meets its limit, the
+    unit is the distance of the limit from 1. ``failed`` is SAFE or the code of the first rule that fails.
     """
 
     margin: Array
@@ -167,8 +167,8 @@ def _margin_above(value: Array, limit: float) -> Array:
 def _margin_of_share(value: Array, limit: float) -> Array:
     """The margin of a share above its least value, 1 for the whole.
 
-    In units of the limit, ground that is known as a whole would have 0.11 at a limit of 0.9. This least margin over the
-    rules would be the same for all good sites, and rank none of them.
+    In units of the limit, completely known ground would have a margin of 0.11 at a limit of 0.9. This would be the
+    smallest margin of all good sites, so it would not rank them.
     """
     room = 1.0 - limit
     return np.where(value < limit, (value - limit) / limit, (value - limit) / room if room > 0 else 1.0 + 0.0 * value)

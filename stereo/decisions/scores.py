@@ -28,7 +28,7 @@ def score_sites(
     A site is chosen from the cells ``offered``, by default ``among``. They should not depend on the truth, which no
     lander knows: a site that is out of reach in truth, or of unknown truth, is then unsafe, and not forbidden.
 
-    * ``base_rate``: share of safe cells, which is the average precision of a coin.
+    * ``base_rate``: share of safe cells, which is the average precision of a random guess.
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
       ``false_safe`` the rest. Of the safe cells, ``recall`` is the share of taken ones and ``safe_lost`` the rest.
     * ``dangerous``: of the taken cells, the share that misses a limit by more than the share ``tolerance`` of it. Other

@@ -204,9 +204,10 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     """The numbers of decisions beside the truth's: ``dem``, ``sites``, ``pads``, and if rules ask for them
     ``materials``; None where one is undefined.
 
-    The elevation model without filled cells is compared over the cells in reach that the left image shows, its
-    ``reached`` completeness over all in reach; sites over all in reach whose true height is known, but a site is chosen
-    from all cells whose footprint is inside; pads over all whose footprint is inside.
+    The elevation model without filled cells is compared over the cells in reach that the left image shows; its
+    ``reached`` completeness is over all cells in reach. Sites are compared over the cells in reach with a known true
+    height, but chosen from all cells whose footprint is inside. Pads are compared over all cells whose footprint is
+    inside.
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known

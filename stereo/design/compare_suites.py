@@ -1,4 +1,4 @@
-"""What the rows of sensor suites show: risk and cost with intervals, a front, and how stable the ranking is.
+"""Compares sensor suites by their rows: risk and cost with intervals, a front, and the stability of the ranking.
 
 Grounds are the scenes: each suite decides on the same ones, so differences are paired. The loss of a ground is 1 for an
 unsafe site, ``abstain_loss`` for no site although a safe one exists, and 0 otherwise; the risk is its mean.
@@ -28,12 +28,13 @@ RISK, ENERGY, TIME = "risk", "energy_j", "cpu_s"
 QUANTITIES = (RISK, ENERGY, TIME)
 #: The parts of the energy, see ``compute_energy``.
 PARTS = ("camera", "processor", "lidar", "lamp")
-#: Places of a suite: no other is as good in everything, one is better in everything, or the grounds do not tell.
+#: Places of a suite: no other suite is as good in everything, one is better in everything, or the grounds leave it
+#: open.
 FRONT, BEATEN, OPEN = "front", "beaten", "open"
-#: Least Kendall's tau of a stable ranking, and what grounds can show about it.
+#: Least Kendall's tau of a stable ranking, and the verdicts on it.
 STABLE_TAU = 0.8
 HOLDS, FAILS = "holds", "does not hold"
-#: Resamples of grounds, halvings of them, and decimals of a mean loss that are no rounding.
+#: Number of resamples of grounds, number of random halvings, and decimals of a mean loss beyond which is rounding.
 _RESAMPLES, _HALVINGS, _DECIMALS = 2000, 500, 12
 
 _Rows = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -175,8 +176,8 @@ def find_front(bounds: Mapping[str, Array]) -> list[dict[str, Any]]:
     """For each suite its ``place``, and the suites by number that beat it (``by``) or may be as good in everything
     (``against``).
 
-    A suite is beaten if another has less risk and no more energy and time, and on the front if it has less of
-    something than each other; all beyond doubt, by the ``bounds`` of ``compare``. The bounds of each quantity hold
+    A suite is beaten if another has less risk and no more energy and time. It is on the front if it has less of
+    something than each other suite. Both must hold by the ``bounds`` of ``compare``. The bounds of each quantity hold
     together with 95 % confidence, so all places are right with about 85 % or more.
     """
     with np.errstate(invalid="ignore"):
@@ -204,8 +205,8 @@ def compare_rankings(own: Array, other: Array, seed: int) -> dict[str, Any]:
 
     ``interval`` has 95 % of 2000 resamples of the grounds of both sets. ``halves`` is the median tau of random halves
     of the ``own`` grounds, which noise alone keeps below 1. ``verdict`` states whether tau is at least ``STABLE_TAU``:
-    it holds if the whole interval is, and does not if the interval is below although the halves agree so well. A
-    resample has more noise than the grounds, so the interval is rather too low than too high.
+    it holds if the whole interval is, and does not hold if the whole interval is below while ``halves`` is not. A
+    resample has more noise than the grounds, so the interval tends to be too low.
     """
     random = make_generator(seed, "statistics", 3)
     taus = np.array(

@@ -1,4 +1,4 @@
-"""The lamp of a sensor suite: what a design states of it, and the night that it lights.
+"""The lamp of a sensor suite: its entries in a design, and its light at night.
 
 It shines alike in all directions from a point fixed to the left camera, as a ``POINT`` of ``light.lamps``.
 """
@@ -29,7 +29,7 @@ _MOST_W, _FARTHEST_M = 1e5, 10.0
 
 @dataclass(frozen=True)
 class LampPlace:
-    """What all suites with a lamp share: the share of its electric power that leaves it as light from 400 to 700 nm,
+    """The lamp's facts that all suites share: the share of its electric power that becomes light from 400 to 700 nm,
     and its place right of the left camera and above it in the camera's own axes, m."""
 
     efficiency: float

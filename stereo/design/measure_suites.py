@@ -73,7 +73,7 @@ class Study:
     def make_key(self, suite: Suite) -> str:
         """A digest of everything but the ground that determines the rows of a suite. Its name is not a part."""
         design = self.design
-        lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without one keep their keys
+        lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without a lamp keep their keys
         return make_json_digest(
             [
                 DESIGN_VERSION,
@@ -180,7 +180,7 @@ class _OpenGround:
         disparities, seconds = [], 0.0
         pairs = [self._prepare(suite.settings, sun) for sun in range(suite.suns)]
         night = [self._prepare_night(suite.settings, suite.lamp)] if suite.lamp else []
-        if suite.method.label not in self._warm:  # a first run loads libraries, which is no time of a decision
+        if suite.method.label not in self._warm:  # the first run loads libraries
             match_disparity(pairs[0], suite.method)
             self._warm.add(suite.method.label)
         for prepared in [*pairs, *night]:

@@ -1,8 +1,8 @@
 """The design of a study of sensor suites: a TOML file, checked and read once.
 
-``[design]`` states what all suites share, ``[costs]`` what energy and processor time cost, ``[settings]`` the camera,
-its sensor and the workspace. Each ``[[suite]]`` has a name, a method, perhaps several Suns, and the settings that it
-changes; with a lamp, ``[lamp]`` states its place. The shipped file is ``suites.toml``.
+``[design]`` states facts that all suites share, ``[costs]`` the powers and paces behind energy and time, ``[settings]``
+the camera, its sensor and the workspace. Each ``[[suite]]`` has a name, a method, perhaps several Suns, and the
+settings that it changes; with a lamp, ``[lamp]`` states its place. The shipped file is ``suites.toml``.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ MOST_SUNS = 100
 
 @dataclass(frozen=True)
 class Costs:
-    """What energy and processor time cost: powers in W, paces in 1/s, times in s, see ``suites.toml``."""
+    """The basis of energy and processor time: powers in W, paces in 1/s, times in s, see ``suites.toml``."""
 
     camera_w: float
     readout_px_s: float
@@ -134,7 +134,7 @@ def find_design(name: str) -> Path:
 def read_design(path: Path) -> Design:
     """Read and check a design. Raises IcyMoonError that names the file, the fault and a fix."""
     data, text = read_toml_and_text(path)
-    _refuse_unknown_keys(data, _SHAPE, "", path)  # before missing ones, of which one may be misspelt
+    _refuse_unknown_keys(data, _SHAPE, "", path)  # before missing keys, one of which may be misspelt
     for table, shape in (("design", _SHAPE["design"]), ("costs", _SHAPE["costs"]), ("lamp", LAMP_SHAPE)):
         _refuse_unknown_keys(data.get(table), shape, f"{table}.", path)
     check_record(data, _SHAPE, path, _FIX)

@@ -3,7 +3,7 @@
 An export is a plug-in, ours or of a package that the user installed; ``plugins/entry_points.txt`` declares ours. It is
 a module, or an ``Export``, with one of the functions that ``plug_in`` calls. A module that states ``NEEDS = "Blender"``
 builds ground, and ``PACKAGES`` states the packages that it needs in place of ``IMAGES``. By the names of exports,
-``TITLES`` states a title and what is written, after a colon, and ``TAKES`` the keys of the ``OPTIONS`` that an export
+``TITLES`` states a title and, after a colon, the content; ``TAKES`` states the keys of the ``OPTIONS`` that an export
 takes.
 """
 

@@ -101,7 +101,8 @@ def write_all(each: Each, out: Path) -> None:
         lander = pair.pair.data.get("lander")
         if not lander:
             raise IcyMoonError(
-                f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with lander.kind."
+                f"{pair.pair.folder}: shows no lander, but BOP's layout describes a lander's links; "
+                "render it with lander.kind."
             )
         image = str(len(scenes["left"]["camera"]))
         losses: list[Loss] = []
@@ -119,7 +120,7 @@ def write_all(each: Each, out: Path) -> None:
                 }
                 for name, content in described[eye].items():
                     write_json(folder / f"scene_{name}.json", content)
-        models, scenes = with_this, described  # what a pair that failed would have added is nowhere
+        models, scenes = with_this, described  # a pair that failed adds nothing
         return losses
 
     each(write)

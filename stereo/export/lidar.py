@@ -222,7 +222,7 @@ def discard_points(folder: Path, kinds: Collection[str]) -> None:
 
 
 def check_format(kind: str) -> str:
-    """Why a format cannot be written in this Python, in a sentence; empty if it can."""
+    """The reason why a format cannot be written in this Python, as a sentence; empty if it can."""
     needed = {"las": ("laspy",), "laz": ("laspy", "lazrs")}.get(kind, ())
     for name in needed:
         if importlib.util.find_spec(name) is None:

@@ -98,7 +98,9 @@ def _refuse_unexportable(pair: Pair) -> None:
             "it without light.sun_distance_m."
         )
     if pair.settings.light.lamps:
-        raise IcyMoonError(f"{pair.folder} is lit by lamps, which this export has not; render it without light.lamps.")
+        raise IcyMoonError(
+            f"{pair.folder} is lit by lamps, which this export does not support; render it without light.lamps."
+        )
 
 
 def write_scene(pair: Pair, folder: Path) -> Path:

@@ -91,7 +91,7 @@ def _list_shutter(shutter: RollingShutter | None) -> tuple[str, ...]:
 
 
 class _Sequences:
-    """The sequences that the pairs of an export are frames of."""
+    """The sequences whose frames are the pairs of an export."""
 
     def __init__(self) -> None:
         self.known: dict[str, _Sequence] = {}
@@ -171,7 +171,7 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
             calibration.append(f"P{k}: {' '.join(f'{value:.12e}' for value in matrix.ravel())}")
         sequence.lines["calib"] = calibration
         sequence.add(
-            # KITTI's own six decimals would give neighbouring frames of long sequences one time.
+            # With KITTI's own six decimals, neighbouring frames of long sequences would have equal times.
             pair,
             times=f"{float(stamp - began):.15e}",
             poses=" ".join(f"{value:.12e}" for value in relative.ravel()),

@@ -1,16 +1,18 @@
 """The choice between stereo and an interpolation of range points, pixel by pixel.
 
-The points are samples of the truth for both. Stereo's error at a point is its difference from it; the interpolation's
-is what the other points say there, see ``Interpolation.predict_left_out``. From both follow, in each place:
+The points count as the truth. Stereo's error at a point is its difference from the point. The interpolation's error is
+the difference of its prediction from the other points, see ``Interpolation.predict_left_out``. From both errors follow,
+in each place:
 
-* the share of stereo's disparities that are wrong. A matcher that rejects much also lets much pass, so the share begins
-  with the rejected share of the surroundings, and the points correct its level, nearby and as a whole;
+* the share of stereo's disparities that are wrong. Where a matcher rejects many disparities, it also accepts many wrong
+  ones. So the share begins with the rejected share of the surroundings, and the points correct its level, nearby and as
+  a whole;
 * the scale of the interpolation's errors, which have Student's law with 3 degrees of freedom.
 
 Where the two differ much, one is wrong. Bayes' rule gives the probability of an error above 1 px of each, and the one
-with the smaller probability is taken. Where stereo is taken and the two agree, their mean is better than either. At
-last the same choice is made at the points, each left out, with stereo preferred less or more; another preference is
-used if its errors there are surely fewer.
+with the smaller probability is taken. Where stereo is taken and the two agree, their mean is better than either.
+Finally the same choice is made at each point without that point, with a weaker or stronger preference for stereo;
+another preference is used if its errors there are surely fewer.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ from .range_points import RangePoints
 
 #: A larger error, px, is wrong, as in bad-1.
 _WRONG_PX = 1.0
-#: Share of wrong disparities where stereo rejects nothing, what rejected ones add to it, and the side of the square in
-#: which they are counted, px.
+#: Share of wrong disparities where stereo rejects nothing, its increase per rejected share, and the side of the square
+#: in which rejected pixels are counted, px.
 _LEAST_WRONG, _WRONG_PER_REJECTED, _SQUARE_PX = 0.03, 0.5, 15
 #: Weights of the image's means beside the points nearby: wrong disparities, and points for errors of the interpolation.
 _WEIGHT_WRONG, _WEIGHT_POINTS = 1.0, 4.0
@@ -38,22 +40,22 @@ _USUAL_STEREO_PX, _WEIGHT_STEREO = 0.3, 4.0
 _WRONG_SIZE, _WEIGHT_WRONG_SIZE = 0.25, 2.0
 #: The scale of Student's law over the geometric mean of errors, and the smallest error that counts in this mean, px.
 _SCALE_PER_MEAN, _LEAST_ERROR_PX = 1.2, 0.1
-#: Farther from the nearest point than this many times the distance between points there, the scale of errors grows with
-#: the distance, and what the points show of a preference does not hold.
+#: Beyond this multiple of the local distance between points, the scale of errors grows with the distance from the
+#: nearest point, and a preference found at the points does not apply.
 _FAR = 2.0
 #: Stereo and the interpolation are averaged if they differ by at most this, px.
 _AGREES_PX = 2.0
 #: Preferences for stereo, as a difference of two probabilities; the first is used unless another is better by
-#: ``_SURE`` standard errors, where so many more points are in doubt: three of three points may be chance.
+#: ``_SURE`` standard errors with ``_DOUBTED`` more points in doubt: three of three points may be chance.
 _PREFERENCES = (0.0, -1.0, -0.5, -0.2, -0.1, -0.03, 0.03, 0.1, 0.2, 0.5, 1.0)
 _SURE, _DOUBTED = 1.5, 4.0
-#: The normal law's tail is about the logistic law's with this factor, within 0.01.
+#: With this factor, the tail of the logistic law approximates the normal law's within 0.01.
 _LOGISTIC = 1.702
 
 
 @dataclass(frozen=True)
 class _Beliefs:
-    """What is expected of both sources: numbers, or fields of one shape."""
+    """The expected errors of both sources: numbers, or fields of one shape."""
 
     wrong: Array  # share of stereo's disparities that are wrong
     scale_px: Array  # of the interpolation's errors
@@ -61,7 +63,8 @@ class _Beliefs:
     wrong_px: float  # scale of its errors where it is wrong
 
     def compare(self, difference: Array) -> Array:
-        """The probability that stereo is wrong minus the one that the interpolation is, where they differ by px."""
+        """The probability that stereo is wrong minus the probability that the interpolation is, where they differ by
+        ``difference`` px."""
         right = (1 - self.wrong) * _student_density(difference, self.scale_px)
         failed = self.wrong * _student_density(difference, np.hypot(self.scale_px, self.wrong_px))
         sound = right / (right + failed)
@@ -79,7 +82,7 @@ class _Evidence:
     left_out: Array
     between: Array  # stereo minus the interpolation without the point, without a sign
     noise_px: Array  # standard deviation of the points themselves
-    rejected: Array  # share of stereo's disparities that is expected to be wrong before the points are asked
+    rejected: Array  # expected share of wrong disparities of stereo, without knowledge of the points
 
     @property
     def has(self) -> Array:
@@ -142,8 +145,8 @@ def _gather(stereo: Array, prior: Array, interpolation: Interpolation, points: R
 
 
 def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool) -> tuple[Array, Array]:
-    """At each point, from its neighbours and ``own`` errors or without these: how many times the expected number of
-    stereo's disparities is wrong, and the scale of the interpolation's errors in px."""
+    """At each point, from the errors of its neighbours and with ``own`` also its own: the number of stereo's wrong
+    disparities over the expected number, and the scale of the interpolation's errors in px."""
     wrong, due = evidence.wrong, evidence.rejected * evidence.has
     level = (wrong.sum() + _WEIGHT_WRONG) / (due.sum() + _WEIGHT_WRONG)
     near = interpolation.add_neighbours(wrong, own), interpolation.add_neighbours(due, own)
@@ -168,7 +171,7 @@ def _measure_stereo(evidence: _Evidence, span_px: float) -> tuple[float, float]:
 
 
 def _find_preference(evidence: _Evidence, worse: Array) -> float:
-    """The preference with the fewest errors at the points, if they are surely fewer than those of the first."""
+    """The preference with the fewest errors at the points, if they are surely fewer than with the first preference."""
     stereo = ~evidence.has | (evidence.wrong > 0)
     interpolated = np.abs(evidence.left_out) > evidence.limit_px
     wrong = np.array(

@@ -65,7 +65,7 @@ def match_method(
         info |= {cost: info[cost] + more for cost, more in spent.items() if info.get(cost) is not None}
     stated = {f"lidar.{key}": value for key, value in options.items()}
     info |= {"method": method.name, "options": dict(method.options) | stated, "facts": info.get("facts", {}) | facts}
-    info["confidence"] = None  # the matcher's is not of the joined map
+    info["confidence"] = None  # the matcher's confidence does not describe the joined map
     return np.where(found > 0, found, np.nan).astype(np.float32), info
 
 
@@ -108,7 +108,8 @@ def _join(rule: str, stereo: Array, interpolation: Interpolation, expected: Arra
 
 
 def list_lidar_inputs(method: Method, pair: str) -> list[Any]:
-    """What determines the range points of a pair besides the pair: their options, and the size and time of its scan."""
+    """The inputs of the range points of a pair besides the pair itself: their options, and the size and time of its
+    scan."""
     if method.lidar is None:
         return []
     scan = Path(method.lidar["returns"]) / pair / "lidar.npz"

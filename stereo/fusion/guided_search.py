@@ -1,7 +1,7 @@
 """A search near an expected disparity, for any matcher that has a search range.
 
-The right image is moved by the expected disparity of each pixel, and the matcher searches what is left. OpenCV's costs
-cannot be changed from outside; this changes the image instead.
+The right image is moved by the expected disparity of each pixel, and the matcher finds the remaining disparity.
+OpenCV's costs cannot be changed from outside; this changes the image instead.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def move_right(right: Array, expected: Array, margin_px: int) -> Array:
 
 
 def restore_disparity(found: Array, expected: Array, margin_px: int) -> Array:
-    """The disparity (H, W) of the left image, from what was ``found`` in the moved right one, both in px; NaN where
-    nothing was found.
+    """The disparity (H, W) of the left image, from the disparity ``found`` in the moved right image, both in px; NaN
+    where nothing was found.
 
     A left pixel u that matches the column x of the moved image sees the right column x + margin - expected(x + margin).
     """

@@ -1,4 +1,5 @@
-"""Disparities between sparse points: linear on Delaunay's triangles, and what each point's neighbours say about it.
+"""Disparities between sparse points: linear on Delaunay's triangles, and the prediction of each point from its
+neighbours.
 
 A plane in space is a plane in disparity over the image, so all of this is exact on planes.
 """
@@ -45,7 +46,7 @@ def interpolate(column: Array, row: Array, disparity: Array) -> Interpolation:
         )
     plane, _ = _fit_plane(design, disparity)
     moved = np.random.default_rng(0).uniform(-_MOVED_PX, _MOVED_PX, (2, len(column)))
-    # The plane's slope takes the points along, so that planes stay exact.
+    # Moved points follow the slope of the plane, so that planes stay exact.
     return Interpolation(
         column + moved[0], row + moved[1], disparity + (plane[1] * moved[0] + plane[2] * moved[1]) / _SCALE_PX
     )
@@ -115,7 +116,7 @@ class Interpolation:
         return _follow_plane(plane, _design(column, row)) + value
 
     def add_neighbours(self, values: Array, own: bool) -> Array:
-        """Sums (n,) of values (n,) over the neighbours of each point, and its ``own`` or without it."""
+        """Sums (n,) of values (n,) over the neighbours of each point, and with ``own`` the point itself."""
         total = values.copy() if own else np.zeros_like(values)
         for one, other in (self.triangulation.edges.T, self.triangulation.edges.T[::-1]):
             np.add.at(total, one, values[other])
@@ -210,7 +211,7 @@ def _design(column: Array, row: Array) -> Array:
 def _fit_plane(design: Array, values: Array) -> tuple[Array, Array]:
     """The plane (3,) through values (n,) for a ``design`` (n, 3), and the inverse (3, 3) of its normal equations.
 
-    The products are summed row by row: those of BLAS depend in their last bits on where arrays lie in memory.
+    The products are summed row by row: with BLAS their last bits depend on where arrays lie in memory.
     """
     inverse = np.linalg.pinv((design[:, :, None] * design[:, None, :]).sum(axis=0))
     return (inverse * (design * values[:, None]).sum(axis=0)).sum(axis=1), inverse

@@ -1,10 +1,10 @@
 """Lens distortion and toe-in, and the rectification that undoes both.
 
 There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is, or from a panorama
-for calibrated eyes whose field no pinhole shows. The image of the
-sensor is distorted by the lens; the image of a calibrated eye has its own size, and looks where the eye does. The
-rectified image belongs to the parallel rig, as the truth does; matchers get it, made from the numbers of the sensor. By
-an erroneous calibration it belongs to that rig only nearly.
+for calibrated eyes whose field no pinhole shows. The image of the sensor is distorted by the lens; the image of a
+calibrated eye has its own size, and looks where the eye does. The rectified image belongs to the parallel rig, as the
+truth does; matchers get it, made from the numbers of the sensor. With an erroneous calibration, the rectified image
+fits that rig only approximately.
 """
 
 from __future__ import annotations

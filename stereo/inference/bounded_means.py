@@ -1,10 +1,10 @@
 """Intervals of means of bounded numbers that hold for any distribution and any number of scenes, by betting.
 
-A gambler whose numbers lie in [0, 1] and have the mean m or less bets the share b of its capital on each number: it is
-multiplied by 1 + b (x / m - 1), so it does not grow on average. The mean capital over many shares b is above 1 / p with
-a probability of at most p (Ville), so a mean at which it is above is excluded at p (Waudby-Smith and Ramdas 2023). No
-order of the scenes and no shape of their distribution enters. Where most numbers are equal, as most decisions of two
-sensors are, such intervals are narrower than Hoeffding's.
+A gambler bets the share b of a capital on each number x in [0, 1], if the numbers have the mean m or less. The bet
+multiplies the capital by 1 + b (x / m - 1), so the capital does not grow on average. The mean capital over many shares
+b is above 1 / p with a probability of at most p (Ville), so a mean m that makes the capital exceed 1 / p is excluded at
+p (Waudby-Smith and Ramdas 2023). No order of the scenes and no shape of their distribution enters. Where most numbers
+are equal, as most decisions of two sensors are, such intervals are narrower than Hoeffding's.
 """
 
 from __future__ import annotations

@@ -150,15 +150,15 @@ def compare_with_grounds(features: Array, new: Array) -> Likeness:
 
     ``features`` (grounds, K) and ``new`` (K,) are numbers of each ground. The score of a ground is its largest distance
     from the median of a feature, in median absolute deviations, or in mean ones if more than half of the grounds have
-    the median. All are over all grounds and the new one, so that all have equal parts and the p-value is exact: of like
-    grounds, a share of at most p has a p-value of at most p. A small p shows that the ground differs. A large p shows
-    nothing: it may differ in what no feature measures.
+    the median. Medians and deviations include the new ground, so that all grounds have equal parts and the p-value is
+    exact: of like grounds, a share of at most p has a p-value of at most p. A small p shows that the ground differs. A
+    large p shows nothing: the ground may differ in a property that no feature measures.
     """
     pooled = np.concatenate([features, new[None]])
     middle = np.median(pooled, axis=0)
     off = np.abs(pooled - middle)
     spread = _DEVIATION_OF_MEDIAN * np.median(off, axis=0)
-    # In units of 0, the few grounds without the median would be further off than any ground by another feature.
+    # A unit of 0 would put the few grounds off the median farther away than any ground by another feature.
     spread = np.where(spread > 0, spread, _DEVIATION_OF_MEAN * off.mean(axis=0))
     scaled = np.divide(off, spread, out=np.zeros_like(off), where=spread > 0)
     score = scaled.max(axis=1)

@@ -1,13 +1,13 @@
 """Means over scenes, and confidence intervals of these means, with the stated coverage.
 
-Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. A mean over pairs is
-a ratio of sums over scenes (Cochran 1977, section 6.3), so scenes may have different numbers of pairs. NaN is
-undefined.
+Scenes are independent. Pairs of one scene share its ground, so they are not independent, and pixels even less. A mean
+over pairs is a ratio of sums over scenes (Cochran 1977, section 6.3), so scenes may have different numbers of pairs.
+NaN is undefined.
 
 * **Shares** are bounded, so their intervals hold for any number of scenes. Scenes get random weights, uniform among all
   that sum to 1, as in the Bayesian bootstrap (Rubin 1981), and one scene more is added, which is all 0 for the lower
   bound and all 1 for the upper one. Where each scene is 0 or 1, these are the bounds of Clopper and Pearson (1934).
-* **Other means** can be held up by a few large values that the scenes do not contain, so there is an interval only from
+* **Other means** can depend on a few large values that the scenes do not contain, so there is an interval only from
   ``FEWEST_FOR_MEAN`` scenes on, by the bootstrap-t (Efron and Tibshirani 1993), and below ``FEWEST_EXACT`` it is
   approximate. For quantities that are never negative, the interval is for the logarithm of the mean.
 

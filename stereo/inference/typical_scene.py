@@ -24,9 +24,9 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from .walsh_averages import WalshSums, round_to_grid
 
-#: Largest share of flips that reach an observed statistic that counts as different, for one comparison and for several.
-#: Both are less than the 5 % that the product states, because skewed differences have more errors, and the largest of
-#: several statistics has even more: see ``docs/theory/inference.md``.
+#: Significance levels: the largest share of flips that may reach the statistic of a difference, for one comparison and
+#: for several. Both are less than the 5 % that the product states, because skewed differences have more errors, and the
+#: largest of several statistics has even more: see ``docs/theory/inference.md``.
 LIMIT_OF_ONE, LIMIT_OF_SEVERAL = 0.04, 0.028
 #: Most scenes for which all flips are made; with more, ``_FLIP_COUNT`` are drawn, with the observed signs among them.
 _MOST_EXACT_SCENES = 13

@@ -15,7 +15,7 @@ _GRID_BITS = 36
 _LEAST_EXPONENT = -1074
 #: Most values whose averages are all listed. The averages of more values are counted, which saves memory.
 _MOST_LISTED_VALUES = 200
-#: Number of remaining sums at which counting ends and they are listed.
+#: Number of remaining sums at which counting ends and listing begins.
 _MOST_LISTED_SUMS = 4000
 
 

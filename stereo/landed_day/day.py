@@ -41,14 +41,14 @@ from .dug_ground import dig_ground, open_series
 
 LOOK, WAIT, CHOOSE, DIG, VERIFY, STOP = "look", "wait", "choose", "dig", "verify", "stop"
 ACTIONS = (LOOK, WAIT, CHOOSE, DIG, VERIFY, STOP)
-#: Hours and watt-hours of a step, and watts at all times. They are chosen; a mission replaces them.
+#: Assumed hours and watt-hours of a step, and watts at all times; a mission replaces them.
 HOURS = {LOOK: 0.25, DIG: 2.0, VERIFY: 0.25}
 ENERGY_WH = {LOOK: 5.0, DIG: 80.0, VERIFY: 5.0}
 IDLE_W = 20.0
 #: How a day can end.
 SAMPLED, UNSAFE, ABSTAINED, MISSED = "sampled", "unsafe", "abstained", "missed"
 ENDS = (SAMPLED, UNSAFE, ABSTAINED, MISSED)
-#: Least share of the volume of all bites that counts as a sample. It is chosen.
+#: Least share of the volume of all bites that counts as a sample, an assumption.
 SAMPLE_SHARE = 0.5
 #: Least elevation of the Sun in degrees for a look.
 LEAST_SUN_DEG = 3.0
@@ -64,7 +64,7 @@ class Observation:
     """The lander's knowledge after a step.
 
     ``left`` and ``right`` are the images of the last look, uint8 (H, W), None before. ``margin`` (rows, columns) is the
-    suitability of each cell of ``grid`` from all looks joined, from 0 to 1, less where a rule fails. ``best`` is the
+    suitability of each cell of ``grid`` from all looks joined, from 0 to 1, below 0 where a rule fails. ``best`` is the
     row and column of the site that the rules would choose, None without one, and ``best_margin`` its margin. ``chosen``
     is the chosen site, and ``last_look_h`` the time of the last look. ``verified`` is whether the ground was looked at
     since the last bite, and ``removed_m3`` the volume that was measured then, None if too little of the trench is seen.
@@ -97,7 +97,7 @@ class Observation:
 
 
 def _check_lander(lander: Settings) -> None:
-    """Raise IcyMoonError for settings with which no day can be lived."""
+    """Raise IcyMoonError for settings that a landed day cannot use."""
     scoop = lander.excavation
     if lander.light.directions_from == "ANGLES":
         raise IcyMoonError(
@@ -117,7 +117,8 @@ def _check_lander(lander: Settings) -> None:
 
 
 def _read_hours(action: str, hours: object) -> float:
-    """The hours of a step. Raises IcyMoonError for an unknown step, and for hours that it cannot have."""
+    """The hours of a step. Raises IcyMoonError for an unknown step, and for hours that are invalid or not for this
+    step."""
     if action not in ACTIONS:
         raise IcyMoonError(f"There is no step {action!r}; choose one of {', '.join(ACTIONS)}.")
     if not isinstance(hours, int | float):
@@ -130,7 +131,7 @@ def _read_hours(action: str, hours: object) -> float:
 
 
 def _read_site(action: str, site: Any) -> tuple[int, int] | None:
-    """The row and column of a site. Raises IcyMoonError for what is none."""
+    """The row and column of a site. Raises IcyMoonError for anything else."""
     if site is None:
         return None
     if action != CHOOSE:
@@ -146,9 +147,9 @@ def _read_site(action: str, site: Any) -> tuple[int, int] | None:
 class LandedDay:
     """A day of a lander on a ground by rays, from a morning on.
 
-    ``lander`` are complete settings, of which the camera, the sensor, the workspace, the scoop (``excavation``) and
-    the light count. ``method`` matches the images. ``most_energy_wh`` is what the lander may spend. All follows from
-    the recipe, the settings and the steps: equal steps give equal observations, to the bit.
+    ``lander`` are complete settings, of which the camera, the sensor, the workspace, the scoop (``excavation``) and the
+    light count. ``method`` matches the images. ``most_energy_wh`` is the energy in Wh that the lander may spend.
+    Everything follows from the recipe, the settings and the steps: equal steps give equal observations, to the bit.
 
     Raises IcyMoonError for a Sun without a date, a scoop that cannot dig, no energy, and a method that needs the truth.
     """

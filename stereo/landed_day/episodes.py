@@ -39,10 +39,10 @@ FIRST_BYTES = {_LOG_FILE: b'{"pair": ', _SUMMARY_FILE: b'{\n "days": '}
 _ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "day": Maybe(TABLE, null=True)}
 #: Elevation of the Sun in degrees at which a day begins, in the morning, and the least for a look by the policy.
 _MORNING_DEG, _LOOK_DEG = 16.0, 12.0
-#: Hours between two times at which the Sun's elevation is asked, and the most hours until a morning.
+#: Hours between two times at which the Sun's elevation is computed, and the most hours until a morning.
 _STEP_H, _MOST_H = 0.5, 200.0
 _DAYS_OF_YEAR = 365
-#: Most steps of a day: a policy that takes more has no end.
+#: Most steps of a day; a policy that takes more counts as endless.
 MOST_STEPS = 200
 #: 1 - confidence of intervals.
 _DOUBT = 0.05
@@ -128,7 +128,7 @@ def make_policy(lander: Settings, looks: int = 2, least_margin: float = 0.0) -> 
 
 
 def change_lander(changes: Settings) -> Settings:
-    """The shipped lander with changes. Raises IcyMoonError for a topic that does not act on it."""
+    """The shipped lander with changes. Raises IcyMoonError for a topic that does not act on the lander."""
     if other := sorted(set(changes) - set(LANDER_TOPICS)):
         raise IcyMoonError(
             f"The lander has settings of {other[0]}, which do not act on it; give {', '.join(LANDER_TOPICS)} only, and "
@@ -138,7 +138,7 @@ def change_lander(changes: Settings) -> Settings:
 
 
 def draw_start(lander: Settings, recipe: Recipe) -> Settings:
-    """The lander's settings with a morning, of the year from their date on, that is random for each ground.
+    """The lander's settings on a random morning for each ground, within a year from their date on.
 
     Raises IcyMoonError if the Sun does not rise to 16 degrees there.
     """
@@ -237,9 +237,9 @@ def _live_logged_day(
 
 
 def summarise_days(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The numbers of days by their end, with 95 % intervals of their shares over grounds; of the unsafe ones, the
-    largest share that agrees with their number (``unsafe_bound``, one-sided); the means of hours, energy and looks; and
-    the mean error of the last verified volume.
+    """The numbers of days by their end, with 95 % intervals of their shares over grounds; the largest share of unsafe
+    days that agrees with their number (``unsafe_bound``, one-sided); the means of hours, energy and looks; and the mean
+    error of the last verified volume.
     """
     days = [row["day"] for row in rows if row["day"]]
     ends = Counter(day["end"] for day in days)

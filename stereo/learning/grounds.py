@@ -96,16 +96,16 @@ class Variety:
     own: Settings | None = None
 
 
-#: All that can differ.
+#: All differences that training pairs can have.
 FULL = Variety()
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a ground is made of. ``terrain`` is a preset's name or ``OWN``, ``bare`` the settings without rocks and
-    ``rocks`` with them, or None; ``place_m`` (2,) is the standing place, ``shapes`` the number of shapes that no ice
-    has. ``law`` is the surface's law, named ``law_name``; ``albedo`` its mean parameter (Bond albedo, spherical albedo
-    of snow, w of Hapke)."""
+    """The random choices that determine a ground. ``terrain`` is a preset's name or ``OWN``, ``bare`` the settings
+    without rocks and ``rocks`` with them, or None; ``place_m`` (2,) is the standing place, ``shapes`` the number of
+    shapes that no ice has. ``law`` is the surface's law, named ``law_name``; ``albedo`` its mean parameter (Bond
+    albedo, spherical albedo of snow, w of Hapke)."""
 
     seed: int
     split: str

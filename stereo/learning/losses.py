@@ -13,7 +13,7 @@ from .trainable import Found
 
 #: Weights of the parts: cross-entropy of the costs, and confidence.
 _COST_WEIGHT, _CONFIDENCE_WEIGHT = 0.5, 0.3
-#: Errors in px from which on the pull of a pixel falls: beyond them a pixel rather shows nothing to match.
+#: Error in px above which the loss grows only with its logarithm: such a pixel probably shows nothing to match.
 _LARGE_ERROR_PX = 4.0
 #: Weight of points that the right eye does not see.
 _HIDDEN_WEIGHT = 0.3

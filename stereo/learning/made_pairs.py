@@ -57,7 +57,7 @@ _SQUARE_PX, _BOUNCES_PER_SQUARE = 8, 8
 #: Standard deviation of the pixel's filter in pixels, close to the Blackman-Harris window of Cycles.
 _FILTER_PX = 0.33
 _NEAR_M, _FAR_M = 1e-3, 1e4
-#: A sensor without noise: its electrons are too many to vary.
+#: A sensor without noise: the noise of so many electrons is negligible.
 _NO_NOISE = {"read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "row_noise_e": 0.0, "full_well_e": 1e7}
 #: Irradiance by the Sun in W/m² and its angular radius, of Enceladus and Europa.
 _SUNS = ((14.82, 0.0556), (50.26, 0.1024))
@@ -67,8 +67,8 @@ _RATE = 1e5
 
 @dataclass(frozen=True)
 class Faults:
-    """How the right eye differs from a rectified one, and how bright single pixels are. ``turn_rad`` (3,) is a small
-    rotation about its axes, ``shift_px`` a vertical shift; ``gain`` its exposure over the left eye's."""
+    """The deviations of the right eye from a rectified eye. ``turn_rad`` (3,) is a small rotation about its axes,
+    ``shift_px`` a vertical shift; ``gain`` its exposure over the left eye's."""
 
     turn_rad: Array
     shift_px: float
@@ -77,8 +77,8 @@ class Faults:
 
 @dataclass(frozen=True)
 class View:
-    """A sample's cameras and light. ``right`` is the rectified eye, by which disparities are; ``right_imaged`` the eye
-    with its ``faults``."""
+    """A sample's cameras and light. ``right`` is the rectified eye, to which disparities refer; ``right_imaged`` is the
+    eye with its ``faults``."""
 
     left: Eye
     right: Eye

@@ -19,7 +19,7 @@ from ...support.arrays import Array
 _TILE_TEXELS, _WAVES = 128, 12
 #: Number of octaves, and their longest wavelengths in metres.
 _OCTAVES, _LONGEST_M = 6, (0.08, 0.8)
-#: How far height moves the place in the tile, east and north, so that walls have structure too.
+#: Shift of the place in the tile per height, east and north, so that walls have structure too.
 _SKEW = (0.37, 0.61)
 #: An octave has faded out where a wave is this many pixels long, and is whole at twice the length.
 _FADE_PX = 1.5

@@ -150,7 +150,7 @@ def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: floa
     slant = np.maximum(dot_products(seen.normal, seen.back), 0.15)
     deviation, slope = ground.recipe.pattern.look_up(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
     normal = normalize(seen.normal - slope + dot_products(slope, seen.normal)[:, None] * seen.normal)
-    # A normal that the relief has turned away from the eye comes back to its horizon.
+    # A normal that the relief turned away from the eye is turned back until it just faces the eye.
     short = np.maximum(_LEAST_COSINE - dot_products(normal, seen.back), 0.0)
     normal = normalize(normal + short[:, None] * seen.back)
     others = light.other_albedo[seen.number % len(light.other_albedo)]

@@ -49,7 +49,7 @@ class Plan:
     """How a network is trained. ``steps`` in all, of ``batch`` crops of ``crop_px`` (width, height) out of pairs of
     ``pair_px``; the learning ``rate`` rises over ``warm_up`` steps and falls by a half cosine. A new ground comes every
     ``steps_per_ground`` steps; ``window`` grounds are in use at a time. A step's search range is one of ``ranges_px``;
-    points beyond it count nothing."""
+    points beyond it do not count."""
 
     steps: int
     batch: int
@@ -240,7 +240,7 @@ class Run:
             fill_parameters(self.network, read_parameters(weights), weights, self.trainable.name)
 
     def _describe(self) -> dict[str, Any]:
-        """What a run is of, as plain values."""
+        """The identity of a run (plan, network and grounds) as plain values."""
         plan = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.plan).items()}
         return {**plan, "network": self.trainable.name, "grounds": self._grounds.name}
 

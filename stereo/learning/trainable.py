@@ -1,8 +1,8 @@
 """Networks that can be trained: icynet, IGEV, DSMNet, and a user's own.
 
 A user's own network is a function ``make(range_px)`` that returns a ``torch.nn.Module``. The module takes the left and
-the right image, float32 (N, 1, H, W) from 0 to 1, and returns the disparity of the left image in px, (N, H, W), or that
-and the logit of a confidence, (N, H, W).
+the right image, float32 (N, 1, H, W) from 0 to 1, and returns the disparity of the left image in px, (N, H, W), or a
+tuple of the disparity and the logit of a confidence, (N, H, W).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a training run leaves beside its weights: a card that states how they came about, and a curve of the losses."""
+"""The record of a training run beside its weights: a card with the origin of the weights, and a curve of the losses."""
 
 from __future__ import annotations
 
@@ -78,6 +78,6 @@ def _draw_curve(file: Path, rows: Sequence[Mapping[str, float]]) -> None:
 
 
 def _average(steps: Array, values: Array, window: int) -> tuple[Array, Array]:
-    """Running means of both over ``window`` steps."""
+    """Running means of ``steps`` and ``values`` over ``window`` steps."""
     share = np.full(window, 1.0 / window)
     return np.convolve(steps, share, "valid"), np.convolve(values, share, "valid")

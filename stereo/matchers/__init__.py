@@ -35,7 +35,7 @@ from .options import resolve_options
 from .search_range import SearchRange
 from .timed_match import match_timed
 
-#: Names that have another meaning where methods are named.
+#: Names that no matcher can have, since they have another meaning in lists of methods.
 _RESERVED_NAMES = (OWN_PREFIX, "prediction", "lidar")
 
 

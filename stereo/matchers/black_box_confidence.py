@@ -1,4 +1,4 @@
-"""Confidences of any matcher that can be run again, from what it answers to changed images.
+"""Confidences of any matcher that can be run again, from its answers to changed images.
 
 Both compare two answers about a pixel; their difference in px is taken as its expected error, see ``result``.
 """
@@ -55,9 +55,9 @@ Run = Callable[[Array, Array, StereoCamera | None], Array]
 def find_left_right_error(
     run: Run, left: Array, right: Array, disparity: Array, camera: StereoCamera | None = None
 ) -> Array:
-    """The difference in px (H, W) of the disparity of each left pixel from the one of the right pixel to which it
-    points; large where that has none or is outside the image. Between two right pixels the nearer one answers, since a
-    mean of two surfaces is on neither.
+    """The difference in px (H, W) between the disparity of each left pixel and the disparity of the right pixel to
+    which it points; large where the right pixel has none or is outside the image. Between two right pixels the nearer
+    pixel counts, since a mean of two surfaces is on neither.
     """
     of_right = match_right_image(run, left, right, camera)
     width = disparity.shape[1]

@@ -84,7 +84,7 @@ def _name_weights(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**options, "checkpoint": str(SHIPPED["safetensors" if has_torch else "onnx"])}
 
 
-#: What the third value that ``match`` returns states, see ``result``.
+#: The kind of the third value that ``match`` returns, see ``result``.
 CONFIDENCE = LOGIT
 
 

@@ -15,7 +15,7 @@ from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
 from .lidar_options import LIDAR, RETURNS, complete_lidar_options
 
-#: The matcher that stands beside the default ones where its library is.
+#: The matcher that joins the default matchers where its library is installed.
 _LEARNED = "icynet"
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -58,8 +58,8 @@ class StatedMethod:
 
 
 def list_default_methods() -> str:
-    """The methods that are compared if the user names none: the setting's, and ``icynet`` where PyTorch or ONNX
-    Runtime is."""
+    """The methods that are compared if the user names none: the setting's, and ``icynet`` where PyTorch or ONNX Runtime
+    is installed."""
     named = str(defaults().dataset.methods)
     try:
         check_options(_LEARNED, {})

@@ -177,7 +177,7 @@ def _check_archive(path: Path) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             unfolded = sum(member.file_size for member in archive.infolist())
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):  # older or damaged, which PyTorch tells
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):  # older or damaged; PyTorch reports it
         return
     if unfolded > path.stat().st_size:
         raise IcyMoonError(

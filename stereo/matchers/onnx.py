@@ -98,7 +98,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 #: Requirement for pip: the first version with wheels for NumPy 2, and the next major version.
 REQUIREMENT = "onnxruntime>=1.19,<2"
-#: Shifts of the test texture. Two are needed, since a network with a constant answer has a factor to one of them.
+#: Shifts of the test texture. Two are needed: a network with a constant answer fits one shift with some factor.
 _SHIFTS_PX = (7, 12)
 #: Most pixels of an input of fixed size, to which images are resized.
 _MOST_INPUT_PIXELS = 2**25

@@ -33,9 +33,9 @@ _RESERVED_OPTIONS = {"preset", "grey", *(name for option in SEARCH_RANGE for nam
 class MatchContext:
     """The arguments of a plug-in's ``match`` besides the images.
 
-    ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included; both are 0 for a
-    matcher that states ``SEARCHES = False``. The camera's values are None where the camera is not known; the principal
-    point counts from the corner of the image.
+    ``options`` are complete. Search all whole disparities from ``least_px`` to ``most_px``, both included; both are 0
+    for a matcher that states ``SEARCHES = False``. The camera's values are None where the camera is not known; the
+    principal point counts from the corner of the image.
     """
 
     options: Mapping[str, Any]

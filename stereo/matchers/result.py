@@ -32,7 +32,8 @@ _RULES: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True)
 class Confidence:
-    """A matcher's statement on each pixel of its disparity map, as it comes: ``values`` of one of the kinds."""
+    """A matcher's confidence of each pixel of its disparity map, as the matcher states it: ``values`` of one of the
+    kinds."""
 
     values: object  # (H, W), any number where nothing was measured
     kind: str = CONFIDENCE

@@ -93,7 +93,7 @@ def find_known_ranges(
 
 
 def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
-    """The range that an option names by AUTO or TRUTH; for AUTO, one of fixed size without knowledge of the rig.
+    """The range that an option names by AUTO or TRUTH; for AUTO without a known rig, a range of fixed size.
 
     Raises IcyMoonError if the true disparities are asked for and not known.
     """

@@ -21,7 +21,7 @@ def match_timed(
 ) -> tuple[Result, dict[str, float | None]]:
     """The result of a matcher's ``compute``, and its ``COSTS``: ``seconds`` of CPU time, including programs that it
     started and waited for (except on Windows), ``wall_seconds``, and the costs that the matcher states itself instead,
-    such as those of a program that stays. A cost is None where it is unknown.
+    such as the costs of a resident program. A cost is None where it is unknown.
     """
     cpu, wall = _read_cpu_seconds(), time.perf_counter()
     result = compute(left, right, options, camera)

@@ -1,6 +1,7 @@
 """Errors of two methods on the pixels that both measured, the only ones on which their errors can be compared.
 
-The pixels are common to two methods, not to all of them: a method that measures little takes no pixels from the others.
+The pixels are common to two methods, not to all of them: a method that measures few pixels does not restrict the
+comparisons of the others.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .prepare_pair import PreparedPair, none_if_not_finite
 
 #: The metrics, all of which are means over pixels or functions of such means; ``metrics`` defines them.
 METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")
-#: Prefix -> of the common pixels, those that count.
+#: Prefix -> the subset of the common pixels that counts.
 REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
 #: The numbers of a method beside another method; ``n`` is the number of common pixels.
 NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))

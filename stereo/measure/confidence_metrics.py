@@ -1,7 +1,7 @@
-"""How well a matcher's confidence tells its errors: their order, its calibration, and the coverage at a stated error.
+"""Measures how well a matcher's confidence predicts its errors: order, calibration, and coverage at a stated error.
 
 The pixels are all that were measured and have a true disparity, also those that the right eye does not see: a
-confidence is asked to tell these too. Only the order of confidences matters, except in the calibration. Pixels of
+confidence should predict these errors too. Only the order of confidences matters, except in the calibration. Pixels of
 equal confidence count as in a random order: each has their mean error, so no number depends on the order of the image.
 """
 
@@ -22,11 +22,12 @@ OWN, LEFT_RIGHT, SWEEP = "own", "left_right", "sweep"
 MEASURES = {OWN: "own", LEFT_RIGHT: "left-right", SWEEP: "plane sweep"}
 #: The numbers of a measure; see ``measure_confidence``.
 CONFIDENCE_METRICS = ("ause", "ece", "coverage_at_bad_2", "bad_2_at_90")
-#: Those that are shares, from 0 to 1.
+#: Numbers of a measure that are shares, from 0 to 1.
 CONFIDENCE_SHARES = ("ece", "coverage_at_bad_2", "bad_2_at_90")
 #: A measurement is right within this, px; see ``calibration``.
 RIGHT_PX = 1.0
-#: A measurement is bad beyond this, px; the largest share of bad ones, and the share of the true pixels that is kept.
+#: Error, px, above which a measurement is bad; the largest share of bad ones, and the share of true pixels that is
+#: kept.
 BAD_PX, MOST_BAD_SHARE, KEPT_COVERAGE = 2.0, 0.03, 0.90
 #: Classes of equal width of the calibration (Guo et al. 2017).
 CALIBRATION_CLASSES = 15

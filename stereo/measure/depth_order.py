@@ -172,8 +172,8 @@ def _find_order_labels(a: Array, b: Array, tolerance: float) -> Array:
 
 @dataclass(frozen=True)
 class _Level:
-    """One digit of the values of ``_PrefixCounts``, which are sorted by their higher digits, and what follows from the
-    limit alone: all of it is given for the limits from 0 on."""
+    """One digit of the values of ``_PrefixCounts``, which are sorted by their higher digits, and tables of the facts
+    that follow from a limit alone, for the limits from 0 on."""
 
     counts: _DigitCounts
     digits: Array  # of the limits

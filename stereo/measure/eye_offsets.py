@@ -35,16 +35,16 @@ _LEAST_LOCAL_CONTRAST, _LEAST_GLOBAL_CONTRAST = 0.02, 1e-3
 FITTING_CORRELATION = 0.6
 #: Fewest tiles for a number that is used.
 FEWEST_TILES = 8
-#: Rows of the truth that are enough, since the truth has no noise: of a higher image every second or third row is
-#: compared, and so on.
+#: Number of rows of the truth that suffices, since the truth has no noise; of a higher image every second or third row
+#: is compared, and so on.
 _ENOUGH_ROWS = 240
 #: The search for places of the left image in the right one: the approximate number of columns of the reduced images;
 #: the size of a place, px; the correlation from which it is found; and the least excess of this correlation over the
 #: one at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise have a
 #: standard deviation of 0.1.
 _REDUCED_COLUMNS, _PLACE_PX, _FOUND_CORRELATION, _LEAST_CORRELATION_GAIN = 160, 6.0, 0.65, 0.15
-#: Mean square of the contrast from which on a place has texture everywhere. A few bright dots in the dark fit any
-#: others.
+#: Mean square of the contrast from which on a place has texture everywhere. A few bright dots in the dark match any
+#: other dots.
 _LEAST_TEXTURE = 0.2
 #: Shifts, px, at which a place is searched for.
 _SEARCH_PX = np.array([*range(-16, -1, 2), -1, 0, 1, *range(2, 17, 2)], float)

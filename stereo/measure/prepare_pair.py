@@ -71,7 +71,7 @@ class MeasuredPair(Protocol):
         """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
 
     def row_poses(self, eye: str) -> Array | None:
-        """The ``rectified_pose``; with a rolling shutter those of the rows, (H, 4, 4)."""
+        """The ``rectified_pose``; with a rolling shutter one pose for each row, (H, 4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class PreparedPair:
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
-    occlusion_known: bool = True  # without, ``visible`` only leaves out points outside the right image
+    occlusion_known: bool = True  # if false, ``visible`` only leaves out points outside the right image
     images: DevelopedImages | None = None  # as developed; None for a pair that was not rendered here
     assumed_camera: StereoCamera | None = None  # the camera of an erroneous calibration; None if it is the pair's
 

@@ -172,7 +172,7 @@ def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) 
         known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
     ).astype(bool)
     weights = _compute_cubic_weights(column - whole)
-    # In columns that are not known, whatever is fetched does not count.
+    # Values from unknown columns do not count.
     place = np.arange(right.shape[0])[:, None] * width + np.clip(whole, 1, max(1, width - 3))
     taps = (np.take(right, place + k, mode="clip") for k in (-1, 0, 1, 2))
     difference = left - sum(weight * tap for weight, tap in zip(weights, taps, strict=True))

@@ -2,8 +2,8 @@
 
 Features at 1/2 and 1/4 of the size; a correlation by groups over the disparities; an hourglass of 2D convolutions whose
 channels are shifted along the disparity, so that the search range may be any; a refinement at 1/2; convex upsampling
-(Teed and Deng 2020, RAFT). The shift along an axis in place of a 3D convolution is Lin et al. 2019 (TSM). Of new
-weights the seed of PyTorch decides.
+(Teed and Deng 2020, RAFT). The shift along an axis in place of a 3D convolution is Lin et al. 2019 (TSM). New weights
+follow from the seed of PyTorch.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class IcyNet(nn.Module):
     def forward_at_levels(self, left: Tensor, right: Tensor, levels: Tensor) -> tuple[Tensor, Tensor]:
         """Disparity (1, H, W) in px and confidence (1, H, W), a logit, of one pair; ``levels`` (D,) are 0 to D - 1.
 
-        The numbers are those of ``forward``, by operations whose sizes an exported network leaves free.
+        The numbers equal those from ``forward``, by operations whose sizes an exported network leaves free.
         """
         (half, other_half), (quarter, other_quarter) = self._find_features(left, right)
         correlation = _correlate_by_index(quarter, other_quarter, levels, self.groups)

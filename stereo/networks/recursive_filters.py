@@ -75,9 +75,9 @@ def _scan_weights(guide: Tensor) -> Tensor:
 def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
     """o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
 
-    In order of t = c + 2 r all that a pixel needs comes earlier: 1 the left and the upper right pixel, 2 the upper
-    pixel, 3 the upper left pixel. So the pixels of one t, one of every second column in every row, are worked out at
-    once.
+    In the order of t = c + 2 r, all inputs of a pixel come earlier: the left and the upper right pixel by 1, the upper
+    pixel by 2, the upper left pixel by 3. So all pixels of one t are computed at once: one in each row, two columns
+    apart from row to row.
     """
     count, channels, height, width = x.shape
     steps = width + 2 * (height - 1)

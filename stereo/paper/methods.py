@@ -45,7 +45,7 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
 def _describe_matcher(name: str, scale: float) -> str:
     """A matcher with the paper's options, as ``--methods`` takes it.
 
-    The paper does not print JPLV's options, so JPLV has ours, and so has a method that the paper does not have.
+    JPLV, whose options the paper does not print, and methods that the paper lacks have our options.
     """
     is_printed = name != "jplv" and any(method.matcher == name for method in PRINTED_METHODS)
     if not is_printed or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size

@@ -21,7 +21,7 @@ from ..trade.measure_variants import scale_view
 #: The data sets of ``datasets/guiss_all``, and the figures of ``datasets/guiss_figures``, in the order of their plans.
 SETS = ("reconstructions", "textures", "landforms", "generative", "terrains", "rocks", "snow")
 FIGURES = ("ruggedness", "subsurface", "texture", "suns", "rocks")
-#: Images of the figures, which are small on a page, have this share of the columns and rows of the others.
+#: Columns and rows of the figures' images as a share of the other images', since figures are small on a page.
 _OF_FIGURES = 0.5
 #: Grounds of each set on which its cameras are checked before the render; the render sets pairs aside that it cannot
 #: render.
@@ -57,9 +57,9 @@ def make_parts(
     """The ``data`` of the tables with about ``count`` pairs (None: all), the pairs of the ``albedo`` figure and of the
     ``figures`` of images.
 
-    ``scale`` multiplies the columns and rows of the images. ``overrides`` are settings over those of the plans.
-    ``files`` is the folder of files in place of stand-ins. With ``glossy`` the pairs of the tables have the materials
-    and the sampling of the paper's public code. Raises IcyMoonError for a scale, a setting or a file that cannot be.
+    ``scale`` multiplies the columns and rows of the images. ``overrides`` are settings that replace the plans'
+    settings. ``files`` is the folder of files in place of stand-ins. With ``glossy`` the pairs of the tables have the
+    materials and the sampling of the paper's public code. Raises IcyMoonError for an invalid scale, setting or file.
     """
     plan = "guiss_all_glossy" if glossy else "guiss_all"
     data = _make_part("data", plan, SETS, scale, overrides, files)

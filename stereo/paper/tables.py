@@ -27,7 +27,7 @@ _LATEX_ESCAPES = {
     "~": r"\textasciitilde{}",
 }
 _LATEX_ESCAPES |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "–": "--", "±": r"$\pm$", "×": r"$\times$"}
-#: Processor seconds that were read as the clock: the paper states times, here the share of a busy machine counts.
+#: Columns of run times: the printed seconds, and measured processor seconds and seconds by the clock.
 RUNTIME_COLUMNS = ("", "printed (s)", "printed on", "measured (CPU s)", "measured (s)", "over")
 
 

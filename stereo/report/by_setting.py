@@ -105,7 +105,7 @@ def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str,
 
 
 def _join_inseparable(sweeps: list[VariedSetting]) -> list[VariedSetting]:
-    """Join settings that always vary together, such as those of two presets, into one sweep."""
+    """Join settings that always vary together, such as the settings of two presets, into one sweep."""
     groups: dict[tuple[int, ...], list[VariedSetting]] = {}
     for sweep in sweeps:
         seen: dict[str, int] = {}

@@ -75,7 +75,7 @@ METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 MEASURE_DASHES = {OWN: "-", LEFT_RIGHT: "--", SWEEP: "-."}
 #: Most scenes that are drawn as separate dots, and most characters of a method's name in a chart.
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
-#: Colour of an interval of few scenes, what it adds to the title of its chart, and the fewest scenes of a box.
+#: Colour of an interval of few scenes, its note in the title of the chart, and the fewest scenes of a box.
 _INTERVAL_GREY, _GREY_TEXT, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
 #: Metrics whose typical differences are drawn, with factor and name.
 _DIFFERENCE_METRICS = (

@@ -111,7 +111,7 @@ def list_conditions(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[st
 
 def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]], count: int) -> list[str]:
     """A title for each of ``count`` pairs, all different: its values of the settings that vary, those set on purpose
-    first, and as many as tell it from the others; empty if nothing varies."""
+    first, and as many as distinguish it from the others; empty if nothing varies."""
     texts = [_make_value_texts(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
     titles = [", ".join(filter(None, parts)) for parts in zip(*texts[:_IN_TITLE], strict=True)] or [""] * count
     for own in texts[_IN_TITLE:]:
@@ -120,7 +120,7 @@ def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[s
                 for pair in pairs:
                     titles[pair] = ", ".join(filter(None, (titles[pair], own[pair])))
     if sweeps:
-        for pairs in _group_equal_titles(titles):  # on another ground, as its seed is no setting that varies
+        for pairs in _group_equal_titles(titles):  # they differ in the seed of the ground, which no sweep shows
             for number, pair in enumerate(pairs[1:], 2):
                 titles[pair] = f"{titles[pair]} ({number})".lstrip()
     return titles

@@ -20,7 +20,8 @@ PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
 def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
-    """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
+    """Brightness (n,) at ``PHASE_DEG``, relative to the brightness at opposition, by the name of each law in the pairs'
+    facts."""
     found: dict[str, Array] = {}
     for pair in pairs:
         if not pair["settings"]:

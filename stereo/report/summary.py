@@ -27,9 +27,9 @@ POOLED_METRICS = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_r
 class ComparedMetric:
     """A metric by which methods are compared.
 
-    ``key`` is that of the comparison; one that starts with ``common_`` is over the pixels that both methods measured.
-    A ``ratio`` compares sizes by the logarithm of their ratio in each scene, which makes few scenes tell more and hard
-    scenes weigh no more than easy ones. Otherwise it is the difference in each scene.
+    ``key`` names the comparison; a key that starts with ``common_`` is over the pixels that both methods measured. A
+    ``ratio`` compares sizes by the logarithm of their ratio in each scene, so that few scenes show more and hard scenes
+    weigh no more than easy ones. Other metrics are compared by their difference in each scene.
     """
 
     key: str
@@ -38,7 +38,7 @@ class ComparedMetric:
 
 
 #: Errors are compared where both methods measured, and rates also over all true pixels, where a missing one is wrong.
-#: A method that measures little gains by neither.
+#: A method that measures few pixels gains by neither.
 COMPARED = (
     *(
         ComparedMetric(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
@@ -156,7 +156,7 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
-    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of the means that have scenes enough for it (see
+    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of the means that have scenes enough for them (see
     ``scene_means``), ``scenes`` is the number of scenes behind them. ``pooled_*`` are means over the pixels of all
     pairs. ``pairs`` is the number of pairs that count; ``failed`` and ``suspect`` count the others. ``strata``
     contains, per factor, the ``classes`` and, per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs,

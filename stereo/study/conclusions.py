@@ -2,7 +2,7 @@
 
 A scene is a ground; its views are averaged first. A comparison is one family: the changes of all errors and of all gaps
 between methods are held at once. A change against the converged render is claimed only if the noise of that render,
-which its two halves tell, is below a tenth of it.
+measured by its two halves, is below a tenth of the change.
 """
 
 from __future__ import annotations
@@ -89,9 +89,9 @@ def _average_by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -
 def _measure_reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
     """The change that noise makes to a number of the converged render, in the typical scene.
 
-    The bias from noise falls as the noise's variance, so the mean of two halves has half the bias of each half: as much
-    as it is better than they are. The scatter from noise is half of the difference of the halves, over the root of the
-    number of grounds.
+    The bias from noise falls as the noise's variance, so the mean of two halves has half the bias of each half: its
+    bias equals its improvement over the halves. The scatter from noise is half of the difference of the halves, over
+    the root of the number of grounds.
     """
     one, other = study.reference
     added = _average_by_ground(
@@ -195,8 +195,8 @@ def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, An
 
 def _compare_noise_orders(cells: Sequence[Cell]) -> dict[str, Any]:
     """Kendall's tau between the share that noise hides by the verdict and two measures from a converged render: the
-    truly hidden share, and the distance of the light. Of the recipes in each view, their mean, and of all pairs
-    together.
+    truly hidden share, and the distance of the light. Returns tau over the recipes of each view, the mean over views,
+    and tau over all pairs together.
     """
     return {key: _order_by_key(cells, key) for key in ("truly_hidden", "distance")}
 

@@ -187,7 +187,7 @@ def _read_grounds(
 
 
 def _read_settings(table: Mapping[str, Any], known: Sequence[str], path: Path) -> Settings:
-    """The settings that a table states, over those of its preset."""
+    """The settings of a table's preset, with the table's own settings over them."""
     own = check({key: value for key, value in table.items() if key not in (*known, "preset")}, str(path))
     return merged(load_preset(table["preset"]), own) if table.get("preset") else own
 

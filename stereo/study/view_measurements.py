@@ -62,8 +62,8 @@ class Cell:
     see, and how many of these are missing or wrong by more than 1 px. ``noise``: by recipe the verdict, the share of
     pixels that it takes for ``hidden`` and the share that the difference from the converged render hides
     (``truly_hidden``), the root mean square ``distance`` of the light from that render over its mean, without the noise
-    of that, and the ``bias`` of the mean. ``reference_noise``: the standard deviation of the converged render over its
-    mean.
+    of the converged render, and the ``bias`` of the mean. ``reference_noise``: the standard deviation of the converged
+    render over its mean.
     """
 
     view: StudyView

@@ -89,7 +89,7 @@ def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]
 
 def _make_fusion_lines(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
     """The lines of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
-    pixels out, so means over measured pixels would compare different ones."""
+    pixels out, so means over measured pixels would compare different pixels."""
     start = f"{describe_method(fused)} in place of {describe_method(plain)}"
     lines: list[str] = []
     hidden, before = [], None

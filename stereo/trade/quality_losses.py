@@ -132,17 +132,18 @@ def measure_variant(
     """Measure one variant, from its renders, against the reference. ``images`` share what is baked.
 
     * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
-      includes the start of Blender, if a process renders one pair, and a share of what baking its light took.
+      includes the start of Blender, if a process renders one pair, and a share of the seconds of baking its light.
       ``memory_mib``: the peak memory of a process. ``megabytes``: the size of a pair's files.
-    * ``bias``: mean radiance divided by that of the reference, minus 1. ``rmse``: root mean square difference of a
-      pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the random
-      part of it, the standard deviation between renders divided by the mean; None for a single render. ``structure``:
-      the other part.
+    * ``bias``: mean radiance divided by the reference's mean radiance, minus 1. ``rmse``: root mean square difference
+      of a pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the
+      random part of it, the standard deviation between renders divided by the mean; None for a single render.
+      ``structure``: the other part.
     * ``depth_px``: 95th percentile of the difference of the true depths, as disparity; ``depth_m``: its median in m.
     * ``stereo``: per matcher the STEREO numbers, mean of the renders; ``loss``: how much worse they are than on an
       image without noise, see the module.
     * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
-      of the image (``jackknife``) and, for a loss, the uncertainty of what is subtracted for the reference's noise.
+      of the image (``jackknife``) and, for a loss, the uncertainty of the amount that is subtracted for the reference's
+      noise.
     * ``fused``: per method that joins a matcher with range points, if the matcher alone is among ``methods`` too: how
       much worse it is than the matcher alone (``plain``) on an image without noise (``loss``), and ``doubt``.
     * ``decisions``: per matcher how its decisions differ from those on the reference, see

@@ -1,8 +1,8 @@
 """Whether a cheaper rendering leads to the same decisions as the reference: where digging is safe, and the chosen site.
 
-The decisions of a matcher on a variant are compared with those of the same matcher on the reference, over the cells in
-reach. Both are judged by the true heights of the reference. Cells of one map are not independent, so doubts are from a
-jackknife over tiles of the map, as those of a loss are over tiles of the image.
+The decisions of a matcher on a variant are compared with the same matcher's decisions on the reference, over the cells
+in reach. Both are judged by the true heights of the reference. Cells of one map are not independent, so doubts are from
+a jackknife over tiles of the map, as the doubts of a loss are over tiles of the image.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..measure.row_metrics import disparity_to_depth
 
 #: Limits within which decisions count as the same, doubts included: the share of the cells in reach that are decided
 #: differently, the change of the share of unsafe cells that are taken for safe, and the additional regret of the chosen
-#: site. They are chosen: a twentieth of the map, a hundredth that endangers, a tenth of a margin.
+#: site. They are assumptions: a twentieth of the map, a hundredth that endangers, a tenth of a margin.
 MOST_OTHERWISE_SHARE, MOST_UNSAFE_SHARE, MOST_REGRET = 0.05, 0.01, 0.1
 RULE = (
     f"Decisions are the same if at most {100 * MOST_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "

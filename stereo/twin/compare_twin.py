@@ -1,6 +1,6 @@
 """Measures of a photographed pair and of its twin: statistics of the images, and of each matcher on them.
 
-Both get the same treatment: the brightness of the left image at one quantile becomes white, for the exposure of the
+Both get the same treatment: the brightness of the left image at one quantile becomes white, since the exposure of the
 photographs is unknown, and matchers search the same range. The numbers of a pair are kept, and are measured again only
 if its files, its twin or the methods change.
 """
@@ -50,7 +50,7 @@ from .photographs import Photographs, Rectification
 VERSION = 1
 #: The two sides of a comparison: the photographed pair and the rendered one.
 SIDES = ("photograph", "twin")
-#: Of the colours of disparity maps.
+#: The title of the colour bar of disparity maps.
 DISPARITY_TITLE = "Disparity (px), log scale"
 #: Disparities of the eyes agree within this, px.
 CONSISTENT_PX = 1.0

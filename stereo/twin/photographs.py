@@ -24,7 +24,7 @@ from ..images.masks import sample_at_pixels
 #: Suffixes of images that are read, and of those that lose detail.
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 LOSSY_SUFFIXES = (".jpg", ".jpeg", ".webp")
-#: Pixels that a rectified image may be off from the photograph's own and still have its numbers.
+#: Largest shift, px, of a rectified image's pixels from the photograph's at which its numbers are copied.
 _SAME_PX = 0.01
 #: A median disparity below this comes from depths in millimetres, px.
 _LEAST_DISPARITY_PX = 0.5

@@ -25,7 +25,7 @@ from .pose import Pose, fit_pose
 _MARGIN_FACTOR = 1.01
 #: Settings of the pose that a true depth gives.
 POSE_KEYS = ("height_m", "pitch_deg", "roll_deg")
-#: Ratio of the places found with the images exchanged to those without from which on the images count as exchanged.
+#: The images count as exchanged if exchanging them gives more than this many times as many matching places.
 _EXCHANGED_RATIO = 2.0
 
 
