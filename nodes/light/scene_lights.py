@@ -36,8 +36,8 @@ ROLES = ("planet", "planetshine", "rings", "stars", *LAMP_ROLES)
 
 
 def compute_scene_sky(settings: Settings) -> Sky:
-    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body, and
-    if it is to be that over the site of a map and the map cannot be read."""
+    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky or the sky of another body, or if
+    the sky is for the site of a map that cannot be read."""
     check_body(settings)
     folder = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
     place = None
@@ -95,10 +95,10 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
 def change_lights(
     sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky, keeps_disc: bool
 ) -> list[bpy.types.Object]:
-    """Change an existing Sun to the settings, and make the other lights again.
+    """Set up an existing Sun by the settings, and make the other lights again.
 
-    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. ``keeps_disc``
-    says whether a planet of the same disc keeps its mesh.
+    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. With ``keeps_disc``
+    a planet of the same disc keeps its mesh.
     """
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
