@@ -32,8 +32,8 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
 def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     """One rock of the shape in the settings, with its origin at its bottom; the caller links it to a scene.
 
-    ``diameter_m`` is the diameter in metres of a circle of the same area, seen from above. Raises IcyMoonError if
-    Cycles is off or a texture of its material is not available.
+    ``diameter_m`` is the diameter in metres of the circle that has the rock's area as seen from above. Raises
+    IcyMoonError if Cycles is off or a texture of its material is not available.
     """
     check_cycles.require_cycles()
     rocks = make_paths_absolute(settings).rocks

@@ -1,7 +1,7 @@
-"""Makes the scene that a file appends from another file a built scene of its own.
+"""Turns a built collection that was appended from another file into this scene's built scene.
 
-Append brings the built collection. It also puts what the collection needs, but does not hold, into the scene at the
-origin: the shapes of the rocks. The sky, and the scene's camera, stay in the other file.
+Append brings the built collection. It also puts the shapes of the rocks at the origin of the scene, because the
+collection uses but does not hold them. The sky, and the scene's choice of camera, stay in the other file.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def remove_shapes(scene: bpy.types.Scene) -> None:
 
 
 def untag_later_builds(scene: bpy.types.Scene) -> None:
-    """Remove the tags from all built collections of a scene except the oldest, since a scene has one."""
+    """Remove the tags from all built collections of a scene except the oldest, since a scene has one built
+    collection."""
     for collection in list_collections(scene)[1:]:
         for block in (collection, *collection.children_recursive, *collection.all_objects):
             if block.get(TAG) != "rock shapes":
@@ -40,12 +41,12 @@ def untag_later_builds(scene: bpy.types.Scene) -> None:
 
 
 def adopt_appended(scene: bpy.types.Scene) -> Built | None:
-    """Use the camera and the sky of a built collection that was appended to a scene; None if it
-    has none."""
+    """Give a scene the camera of a built collection that was appended to it, and a black sky; None without such a
+    collection."""
     built = find_built(scene)
     if built is None or before_build.is_known(scene):
         return None
-    before_build.move_notes([], built.collection)  # they are of the scene in the other file
+    before_build.move_notes([], built.collection)  # the notes describe the scene in the other file
     before_build.note_before_build(scene)
     sky = mark_as_built(build_sky(f"{NAME} Sky"), "sky")
     scene.camera, scene.world = built.camera, sky

@@ -3,7 +3,8 @@ The sky is one more asset.
 
 Build Scene makes the content of an asset from the preset. The marks of Icy Moon are then removed, because a dropped
 asset belongs to the user. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the
-library is small. Hapke's law is made of nodes, since a dropped material cannot switch a scene to Open Shading Language.
+library is small. Materials compute Hapke's law by nodes, since a dropped material cannot switch a scene to Open Shading
+Language.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from .rig import build_rig
 from .surface.ground_and_rock_materials import build_ground_material
 
 AUTHOR, LICENSE = "Icy Moon developers", "GPL-3.0-or-later"
-#: Vertices of the ground of a landscape: 32 000 need 1.6 MB, and are 4 to 30 px from the exact ground.
+#: Number of vertices of a landscape's ground. 32 000 need 1.6 MB and lie within 4 to 30 px of the exact ground.
 MOST_VERTICES = 32_000
 _ASSET_SETTINGS: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
 
@@ -101,10 +102,10 @@ def _make_surface(settings: Settings) -> bpy.types.Material:
 
 
 def _make_rig(settings: Settings) -> bpy.types.Object:
-    """An empty that carries the stereo camera, as high and at the pitch that the settings state.
+    """An empty object that carries the stereo camera at the height and pitch of the settings.
 
-    Blender sets location and rotation of the object that is dropped, so this is the foot of the mast. Its custom
-    property brings the camera along, which Blender puts into the scene too.
+    Blender sets location and rotation of the dropped object, so the empty is the foot of the mast. Its custom property
+    refers to the camera, so Blender puts the camera into the scene too.
     """
     mast = bpy.data.objects.new(NAME, None)
     mast["camera"] = camera = build_rig(f"{NAME} Camera", settings.rig, 0.0)
@@ -167,7 +168,7 @@ def _describe_resolution(settings: Settings) -> str:
 
 
 def _make_tags(kind: str, settings: Settings) -> list[str]:
-    """Words by which the Asset Browser finds an asset."""
+    """Tags by which the Asset Browser finds an asset."""
     law = settings.surface.model.replace("_", "-").title()
     of_kind = {
         "surfaces": ["ice", law],

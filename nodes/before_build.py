@@ -1,7 +1,7 @@
 """The camera, world, frame and exposure that a scene had before Build Scene, which Clear Scene restores.
 
-The scene holds them, not the built collection: a collection that another file appends would bring the camera and the
-world of this one along.
+The scene holds these notes, not the built collection. Otherwise a file that appends the collection would also get the
+camera and the world from before the build.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def _find_own(block: bpy.types.ID | None) -> bpy.types.ID | None:
 def note_before_build(scene: bpy.types.Scene) -> None:
     """Note the scene's camera, world and view, before its first build.
 
-    After the user has deleted the built collection, the earlier notes stay, except for what the user has set since.
+    If the user has deleted the built collection, the earlier notes stay, except for properties that the user has set
+    since.
     """
     if not is_known(scene) or _find_own(scene.world):
         scene[WORLD] = _find_own(scene.world)

@@ -83,7 +83,7 @@ from .scene_objects import (
 from .surface import sun_inputs
 from .surface.own_groups import connect_own_groups
 
-#: Names for users of a scene, with names from ``built_scene`` and ``remove``.
+#: Public names of this module, including names that come from other modules.
 __all__ = [
     "NAME",
     "NOTES",
@@ -135,10 +135,10 @@ def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) 
 
 
 def update_sunlight(collection: bpy.types.Collection) -> None:
-    """Update surfaces, lamps and scenes with each other's state, after any of them has changed.
+    """Make surfaces, lamps and scenes agree after one of them has changed.
 
-    Surfaces get the directions of Sun and planet. A lamp no longer lights surfaces that trace it themselves. Scenes use
-    Open Shading Language if a surface needs it.
+    Surfaces get the directions of Sun and planet. A lamp stops lighting surfaces whose shader traces the lamp. Scenes
+    use Open Shading Language if a surface needs it.
     """
     objects = list(find_built_objects(collection).values())
     lamp = next(item for item in objects if item[TAG] == "sun")
@@ -229,7 +229,7 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
 def _put_in_place(
     collection: bpy.types.Collection, there: dict[str, Any], new: list[bpy.types.Object]
 ) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Replace the data-blocks that are ``there`` by new objects.
+    """Replace the existing data-blocks, ``there`` by role, by the ``new`` objects.
 
     Returns the objects of the scene, and the data-blocks that keep the names of earlier data-blocks.
     """
@@ -291,7 +291,7 @@ def separate_from_copies(built: Built) -> None:
 
 
 def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """Take the built collection out of a scene that shares it with linked copies, which keep it, and return it.
+    """Unlink the built collection from a scene that shares it with linked copies, and return it. The copies keep it.
 
     Returns None if no other scene shares it.
 
@@ -377,7 +377,7 @@ def build_scene(
 
 
 def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
-    """The objects of the scene. Raises IcyMoonError also where there is not enough memory."""
+    """The objects of the scene. Raises IcyMoonError also if there is not enough memory."""
     try:
         return make_objects(settings, meshed)
     except MemoryError:
@@ -426,7 +426,7 @@ def _record_build(built: Built, made: MadeObjects) -> None:
 
 
 def _describe_ground(built: Built, made: MadeObjects) -> None:
-    """Record the ground of a build in the collection; the build gets the warnings that its meshes give rise to."""
+    """Record the ground of a build in the collection, and add the warnings about its meshes to the build."""
     collection, settings, own = built.collection, built.settings, made.own
     on_map = {"map": own.map_place} if own and own.map_place else {}
     collection[GROUND] = json.dumps({"report": own.report, "site_m": made.site_m, **on_map} if own else {})

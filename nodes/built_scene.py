@@ -62,8 +62,8 @@ _SHAPE_SETTINGS = [
 
 @dataclass
 class _Update:
-    """What an update knows of marks: the edited parts by the names that were asked for, and the names of the parts that
-    the update has changed."""
+    """State of an update: the edited parts that were found for each requested name, and the names of the parts that the
+    update has changed."""
 
     edited: dict[str, set[str]]
     changed: list[str]
@@ -95,12 +95,12 @@ class Built:
 
     @property
     def excavation(self) -> dict[str, Any]:
-        """Volumes and masses of an excavation in its state; empty without one."""
+        """Volumes and masses of the excavation in its present state; empty without an excavation."""
         return dict(read_stored(self.collection, EXCAVATION, TABLE))
 
     @property
     def site_m(self) -> float:
-        """Height in metres of the ground under the camera, as it was built."""
+        """Height in metres of the ground under the camera when the scene was built."""
         return float(self.collection[SITE])
 
     @property
@@ -191,8 +191,8 @@ class Built:
 
     @contextmanager
     def reading_marks_once(self) -> Iterator[None]:
-        """A context for an update of the scene: marks of parts whose edits are asked for, by their names, are read only
-        the first time, and marks of changed parts only at the end."""
+        """A context for an update of the scene. It reads the marks of a part only once, however often its edits are
+        asked for, and the marks of changed parts at the end."""
         self._update = _Update({}, [])
         try:
             yield

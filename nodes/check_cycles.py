@@ -12,7 +12,7 @@ _DISABLED_MESSAGE = (
 
 
 def why_unavailable() -> str:
-    """Why this Blender cannot build and render, in a sentence; empty if it can."""
+    """A sentence on why this Blender cannot build and render; empty if it can."""
     return "" if compat.has_cycles() else _DISABLED_MESSAGE
 
 

@@ -32,8 +32,8 @@ _MOST_PASSED = 1000
 def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
     """``find_reasons`` for a scene that was just built.
 
-    For the eyes they follow from the settings if possible. The mesh is tested only if it may be coarser than the images
-    under the camera, and for lamps and the cameras of a head.
+    The reasons for the two eyes follow from the settings if possible: their mesh is tested only if it may be coarser
+    than the images under the camera. Lamps and the cameras of a head are always tested by the mesh.
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
@@ -46,8 +46,8 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
 def find_reasons(
     built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
 ) -> list[str]:
-    """Sentences on each eye, and each camera of a head, that sees only black because it is inside the ground or a rock,
-    and on each lamp that lights nothing because it is there.
+    """Sentences on each eye, head camera and lamp inside the ground or a rock, where it sees only black or lights
+    nothing.
 
     The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray
     upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
@@ -106,8 +106,8 @@ def _find_eye_reason(
 
 
 def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
-    """Depth in metres of a point under the ground, negative for a point just above it; infinite in a rock. None if the
-    point is free."""
+    """Depth in metres of a point under the ground, negative for a point just above the ground, and infinite in a rock.
+    None if the point is free."""
     role, distance, leaves = cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
         return distance if role == "terrain" else math.inf
@@ -118,7 +118,8 @@ def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, posit
 def cast_ray(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, toward: Vector
 ) -> tuple[str, float, bool]:
-    """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves it there.
+    """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves the solid
+    there.
 
     The role is empty if the ray hits none. The ray passes the user's own objects.
     """

@@ -25,7 +25,7 @@ from .rig import CLIP_M, OPENCV_FROM_BLENDER
 
 #: Roles of the objects, in the order of the file.
 ROLES = tuple(f"head camera {k + 1}" for k in range(MOST_CAMERAS))
-#: Width of a sensor in Blender. Lengths on it have this scale; no light depends on it.
+#: Width of a sensor in Blender, mm. It sets the scale of lengths on the sensor, and no light depends on it.
 _SENSOR_MM = 36.0
 
 
@@ -65,8 +65,8 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
 
 
 def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> str:
-    """The sentence about a camera of a head at a depth in metres under the ground, negative for one just above it;
-    infinite in a rock. Empty for None, a free camera."""
+    """The sentence about a camera of a head at a depth in metres under the ground, negative just above it and infinite
+    in a rock. Empty for None, which stands for a free camera."""
     if depth_m is None:
         return ""
     if math.isinf(depth_m):
@@ -75,8 +75,8 @@ def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> s
 
 
 def _find_places(cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types.Object) -> list[tuple[float, Array]]:
-    """Of each camera the height of the ground beneath, NaN beside it, and its matrix (4, 4) in the world, in Blender's
-    axes."""
+    """For each camera, the height in metres of the ground beneath (NaN outside the ground), and its matrix (4, 4) in
+    the world, in Blender's axes."""
     flip = np.eye(4)
     flip[:3, :3] = OPENCV_FROM_BLENDER
     made = []

@@ -1,8 +1,8 @@
 """A LiDAR in the 3D View: its beams before a scan, and its points after one.
 
-Points are small squares, as the measured surface's are, with a node group that shows the first of them. Beams are
-thin rods to the built surfaces: bare lines are hidden with the overlays of a camera view. Both are in a
-collection that is not rendered, and no part of the built scene.
+Points are small squares, as the measured surface's are, with a node group that shows the first of them. Beams are thin
+rods to the built surfaces: bare lines are hidden with the overlays of a camera view. Both are in a collection that is
+not rendered and not part of the built scene.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .tree.builder import Tree
 NAME = "Icy Moon LiDAR"
 ROLE = "lidar"  # value of the custom property ``TAG`` of collection, objects, material and node group
 POINTS, BEAMS = "LiDAR Points", "LiDAR Beams"
-#: Attributes of the squares, by the value that they hold; and the colour of their corners.
+#: Attributes of the squares, by the value that they hold, and the attribute of the colour of their corners.
 ATTRIBUTES = {
     INTENSITY: ("intensity", "FLOAT"),
     RANGE_ERROR: ("range_error_m", "FLOAT"),
@@ -45,9 +45,9 @@ ATTRIBUTES = {
 }
 _COLOUR = "lidar_colour"
 _TITLE_PROPERTY, _TOTAL_PROPERTY = "icymoon_scanner", "icymoon_points"
-#: Width of a square as seen from the sensor, and radius of a rod at its end over its length.
+#: Width of a square as seen from the sensor, in radians, and radius of a rod at its end divided by its length.
 _WIDTH_RAD, _ROD_RADIUS = 0.006, 0.003
-#: Most rows and columns of beams that are drawn, and their length in metres where all of them miss.
+#: Maximum number of rows and columns of beams that are drawn, and the length of beams in metres if all miss.
 _MOST_ROWS, _MOST_COLUMNS, _MISSED_M = 9, 25, 10.0
 #: Colours (sRGB) of beams that hit and that miss.
 _HIT, _MISSED = (90, 255, 120), (110, 110, 110)
@@ -58,7 +58,8 @@ _MOST_SKIPS, _SKIP_M = 16, 1e-4
 
 
 def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: int) -> bpy.types.Object:
-    """Show points of a scan in place of earlier ones, coloured by a ``kind`` of ``ATTRIBUTES``; the first ``count``."""
+    """Show the first ``count`` points of a scan in place of earlier points, coloured by a ``kind`` of
+    ``ATTRIBUTES``."""
     clear(scene)
     toward = points.position_m - points.point_m
     distance = np.linalg.norm(toward, axis=1)
@@ -141,8 +142,8 @@ def make_legend(scene: bpy.types.Scene, kind: str) -> tuple[tuple[str, str], ...
 
 
 def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.types.Object:
-    """Draw a part of the beams of a scanner at the left eye of a built scene, in place of earlier points and beams.
-    Without a hit a beam is drawn grey, twice as long as the median of the others."""
+    """Draw some of the beams of a scanner at the left eye of a built scene, in place of earlier points and beams. A
+    beam that hits nothing is grey and twice as long as the median of the beams that hit."""
     clear(scene)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     pose = find_sensor_pose(built, lidar)
@@ -190,9 +191,9 @@ def _find_hit(
 
 
 def make_rods(start: Array, direction: Array, length: Array, near_m: float, far_m: Array) -> tuple[Array, Array]:
-    """Corners (6 n, 3) and triangles (7 n, 3) of three-sided rods from a common ``start`` (3,) along unit vectors
-    (n, 3), with the radius ``near_m`` at the start and ``far_m`` (n,) at their ends, which are closed: far beams are
-    as wide as near ones from afar."""
+    """Corners (6 n, 3) and triangles (7 n, 3) of three-sided rods, closed at their ends, from a common ``start`` (3,)
+    along unit vectors (n, 3). Their radii in metres are ``near_m`` at the start and ``far_m`` (n,) at the ends, so that
+    seen from the start far beams look as wide as near beams."""
     up = np.where(np.abs(direction[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(direction, up)
     right /= np.linalg.norm(right, axis=1, keepdims=True)

@@ -28,7 +28,7 @@ NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
 _COLOUR_ATTRIBUTE, _ERROR_ATTRIBUTE = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
 _COUNTS_PROPERTY = "icymoon_points"  # custom property, see ``_count_kinds``
-#: Depth error, m, that counts as right, and the text of each kind of pixel, with its icon.
+#: Maximum depth error in metres that counts as right, and the text and icon of each kind of pixel.
 RIGHT_M = ERROR_SCALE.low
 KINDS = {
     "far": ("Too far, red", "COLORSET_01_VEC"),
@@ -162,7 +162,7 @@ def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
 
 
 def recolour_points(scene: bpy.types.Scene, full_m: float) -> None:
-    """Let errors of ``full_m`` metres and more have the full colour on the surface that is shown, if any."""
+    """Colour the shown surface, if any, again: errors of ``full_m`` metres and more get the full colour."""
     item = find_points(scene)
     if item is not None and {_ERROR_ATTRIBUTE, _COLOUR_ATTRIBUTE} <= set(
         item.data.attributes.keys()

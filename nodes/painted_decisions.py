@@ -1,7 +1,7 @@
 """A lander's decisions, shown on the ground: a map as colours of its vertices, the chosen site and the reach.
 
-It is painted as errors are: attributes that no render reads and that are no part of the ground's marks, and a
-collection that is not rendered, which ``painted_errors.clear_painted`` removes.
+The map is painted in the same way as errors: in attributes that no render reads and no mark covers, and in a collection
+that is not rendered. ``painted_errors.clear_painted`` removes both.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ _LEGEND_ICONS = {
 _ABOVE_M = 0.01
 #: Half the thickness of the lines of marks, m, and number of points of a ring.
 _LINE_RADIUS_M, _RING_POINTS = 0.006, 48
-#: Sides of these lines, and the least of 1 plus the cosine of a turn, which bounds how far a sharp corner reaches.
+#: Number of sides of these lines, and the minimum of 1 plus the cosine of a turn. It limits how far a sharp corner
+#: reaches.
 _LINE_SIDES, _LEAST_TURN_COSINE = 6, 0.25
 
 
@@ -106,7 +107,7 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
 
 
 def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
-    """The title and the kind of the map that is shown; both empty if none is."""
+    """The title and the kind of the shown map; both empty if no map is shown."""
     collection = find_painted(scene)
     stored: Any = collection.get(_COUNTS_PROPERTY) if collection else None
     kind = stored.get("map") if hasattr(stored, "items") else None
@@ -114,7 +115,7 @@ def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
 
 
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
-    """The meaning of the colours, with the share of the workspace of each, and of the marks: (text, icon) by line."""
+    """(text, icon) of each line: the colours with their meaning and share of the workspace, then the marks."""
     title, kind = find_shown_map(scene)
     collection = find_painted(scene)
     if not kind or collection is None:
@@ -145,7 +146,7 @@ def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
     """A ring as large as the footprint of the site, crossed out if a calibration gives the site no guarantee."""
     angle = np.linspace(0.0, 2 * np.pi, _RING_POINTS, endpoint=False)
     ring = stored.disc_m / 2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    # A line across it, there and back side by side: lines are closed.
+    # Lines are closed, so the line across the ring goes there and back.
     bar = ring[[_RING_POINTS * k // 8 for k in (1, 5)]].repeat(2, axis=0)
     bar += np.array([(-1, 1, 0), (1, -1, 0), (1, -1, 0), (-1, 1, 0)]) * _LINE_RADIUS_M / 2
     centre = _place_on_ground(stored, np.array([[row + 0.5, column + 0.5]]))
@@ -193,7 +194,8 @@ def _make_tube(way: Array) -> tuple[Array, Array]:
 
 
 def _place_on_ground(stored: StoredMap, place: Array) -> Array:
-    """Positions (n, 3) just above the true ground of places (n, 2) in rows and columns from the outer corner."""
+    """Positions (n, 3) in metres just above the true ground at places (n, 2), in rows and columns from the outer
+    corner."""
     grid, height = stored.grid, stored.height_m
     row, column = (np.clip(np.floor(place[:, axis]), 0, height.shape[axis] - 1).astype(np.intp) for axis in (0, 1))
     level = float(np.nanmedian(height)) if np.isfinite(height).any() else 0.0

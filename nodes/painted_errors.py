@@ -49,15 +49,15 @@ from .shown_objects import begin_collection, find_collections, remove_shown
 
 NAME = "Icy Moon Depth Errors"
 ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
-#: Attributes of vertices: the signed error in metres, NaN if unknown; the kind of the error, see ``ground_errors``; and
+#: Attributes of vertices: the signed error in metres (NaN if unknown), the kind of the error by ``ground_errors``, and
 #: the colour.
 ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
 _COUNTS_PROPERTY, _COLOURS_BEFORE_PROPERTY = (
     "icymoon_pixels",
     "icymoon_colours_before",
 )  # custom properties of the collection
-#: Copies of rocks are this much larger and nearer to the eye (factor, share), so that they hide the rocks at any
-#: precision of the view's depths.
+#: Scale of the copies of rocks, and the share of the distance by which they are nearer to the eye. So they hide the
+#: rocks at any precision of the view's depths.
 _COPY_SCALE, _COPY_SHIFT_SHARE = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
 _MOST_DIVISIONS = 4  # of triangles of rocks
@@ -70,7 +70,8 @@ _KINDS = {
 
 
 def why_not_shown(built: Built, headings: int, pair: Pair) -> str:
-    """Why a pair shows the built scene from none of the ``headings`` directions, in a sentence; empty if it does.
+    """A sentence on why a pair shows the built scene from none of the ``headings`` directions; empty if it shows the
+    scene.
 
     Only the ground and the camera matter: light, surfaces and sampling may differ. Raises IcyMoonError if edits by hand
     cannot be detected.
@@ -110,7 +111,7 @@ def _has_same_edits(built: Built, pair: Pair) -> bool:
 
 @dataclass(frozen=True)
 class MeshesToPaint:
-    """The arrays of a built scene's ground and rocks, in world coordinates, by which any thread finds their errors."""
+    """Arrays of a built scene's ground and rocks in world coordinates, from which any thread can find their errors."""
 
     position: Array  # (n, 3) of the ground's vertices, m
     edges: Array  # (k, 2)
@@ -119,7 +120,7 @@ class MeshesToPaint:
 
 @dataclass(frozen=True)
 class FoundErrors:
-    """The errors of pairs on the meshes of a scene, and how many pixels have which.
+    """The errors of pairs on the meshes of a scene, and the number of pixels with each kind of error.
 
     ``rocks`` are the positions (n, 3) and triangles (m, 3) of all copies of rocks, and the errors of their vertices;
     ``colours`` are sRGB uint8 (n, 3) of the vertices of the ground and of the copies, where errors of ``full_m`` metres
@@ -151,9 +152,10 @@ def find_errors(
     full_m: float,
     report: Callable[[float, str], object] = lambda fraction, text: None,
 ) -> FoundErrors:
-    """The errors of pairs on the meshes of their scene; any thread may ask. Where several pairs see a vertex, it shows
-    the error of the nearest. Errors of ``full_m`` metres and more get the full colour. ``report`` is told the finished
-    share of the vertices, 0 to 1, and the present work. Raises IcyMoonError if no vertex shows an error."""
+    """The errors of pairs on the meshes of their scene; any thread may call this. A vertex that several pairs see shows
+    the error of the nearest pair. Errors of ``full_m`` metres and more get the full colour. ``report`` gets the
+    finished share of the vertices, 0 to 1, and a text on the present work. Raises IcyMoonError if no vertex shows an
+    error."""
     places = [np.empty((0, 2))] * len(found)
     counts = [len(meshes.position), *(len(matrices) * len(corners) for matrices, corners, _ in meshes.rocks)]
     shares = np.cumsum([1, *counts]) / (1 + sum(counts))  # above 0 from the first one on
@@ -189,7 +191,8 @@ def show_errors(
     scene: bpy.types.Scene, built: Built, errors: FoundErrors, title: str, full_m: float
 ) -> bpy.types.Collection:
     """Paint errors on the ground and rocks of a built scene, in place of anything painted before. Errors of ``full_m``
-    metres and more have the full colour. Raises IcyMoonError, before any change, if the ground is not theirs."""
+    metres and more have the full colour. Raises IcyMoonError, before any change, if the errors were found on another
+    ground."""
     mesh = built.terrain.data
     if len(mesh.vertices) != len(errors.ground.error_m):
         raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
@@ -218,14 +221,14 @@ def find_other_meshes(built: Built) -> set[bpy.types.Mesh]:
 
 
 def darken_meshes(meshes: Iterable[bpy.types.Mesh]) -> None:
-    """Show meshes dark. Without colours of their own, they are white in Blender 5.2 and grey before, which both have a
-    meaning in a legend."""
+    """Show meshes dark. Meshes without vertex colours are white in Blender 5.2 and grey in earlier ones, and legends
+    give both colours a meaning."""
     for mesh in meshes:
         set_colours(add_colours(mesh), np.full((len(mesh.vertices), 3), SKY_GREY, np.uint8))
 
 
 def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
-    """A new collection, not rendered, for colours painted on a mesh, in place of anything painted before."""
+    """A new collection that is not rendered, for colours painted on a mesh. It replaces anything painted before."""
     clear_painted(scene)
     collection = begin_collection(scene, name, ROLE)
     collection[_COLOURS_BEFORE_PROPERTY] = [
@@ -236,7 +239,7 @@ def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> b
 
 
 def recolour_errors(scene: bpy.types.Scene, full_m: float) -> None:
-    """Let errors of ``full_m`` metres and more have the full colour."""
+    """Colour the shown errors again: errors of ``full_m`` metres and more get the full colour."""
     for mesh in _find_painted_meshes(scene):
         if ERROR_M in mesh.attributes:  # decisions have colours of their own
             _colour_mesh(mesh, full_m)
@@ -311,7 +314,7 @@ def _find_vertex_errors(
 
 
 def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
-    """For each shape of rocks, the matrices (n, 4, 4) of its instances."""
+    """The matrices (n, 4, 4) of the instances of each shape of rocks."""
     fields = {item for item in built.collection.all_objects if item.get(TAG) == "rock"}
     matrices: dict[bpy.types.Object, list[Any]] = {}
     for each in bpy.context.evaluated_depsgraph_get().object_instances if fields else ():
@@ -327,7 +330,7 @@ def find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
 
 
 def _join_copies(rocks: Sequence[tuple[Array, Array, VertexErrors]]) -> tuple[Array, Array, VertexErrors] | None:
-    """Positions, triangles and errors of all copies as those of one mesh; None without any."""
+    """Positions, triangles and errors of all copies, joined to one mesh; None without copies."""
     if not rocks:
         return None
     starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
@@ -412,7 +415,8 @@ def _link_rocks(collection: bpy.types.Collection, rocks: tuple[Array, Array, Ver
     item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
     material[TAG] = item[TAG] = ROLE
     item.hide_render = True
-    # In a 3D View Cycles ignores it: the unlit colours are black beside sunlit ice, and the copies hide the rocks.
+    # Hide the copies from Cycles in a 3D View, where their unlit colours would be black beside sunlit ice and hide the
+    # rocks.
     compat.hide_from_rays(item)
     collection.objects.link(item)
 

@@ -58,11 +58,11 @@ from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
 from .tree.builder import copy_values
 
-#: Maximum number of rocks on coarse ground: those that look largest.
+#: Maximum number of rocks on coarse ground, which are those that look largest.
 MOST_ROCKS = 1000
 #: Maximum number of rocks that follow a slider.
 MOST_MOVED_ROCKS = 500
-#: About the number of vertices of the whole ground that ``build_coarse`` makes in about a second.
+#: Approximate number of vertices of the whole ground in ``build_coarse``, which takes about a second.
 MOST_VERTICES = 100000
 _LIGHT_PARTS: tuple[str, ...] = ("sun object", "planetshine object")
 _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
@@ -73,8 +73,8 @@ _CHANGED_MESSAGE = "Preview: press Build Scene"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on settings that the scene does not show, or shows as a preview, and warnings of a full ground that
-    followed a coarse one; empty without any.
+    """Sentences on settings that the scene does not show or shows as a preview, and warnings about the fine ground that
+    replaced a coarse ground.
     """
     collection = scenes.find_collection(scene)
     if collection is None:
@@ -125,7 +125,7 @@ def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
 
 
 def mark_as_preview(built: scenes.Built, settings: Settings) -> None:
-    """Mark a scene: if it shows a preview of ``settings``, the ground at full resolution will follow."""
+    """Mark that the ground at full resolution will follow in a scene that shows a preview of ``settings``."""
     if built.preview:
         built.collection[scenes.REFINED] = json.dumps(select_geometry(settings))
 
@@ -211,7 +211,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
     parts = ("terrain object", "terrain data", "rock object", "rock data")
-    # Those of the lights and the camera are asked for later in the same update.
+    # Edits of the lights and the camera are asked for later in the same update.
     by_hand = built.edited_parts(*parts, *_LIGHT_PARTS, "camera").intersection(parts)
     if by_hand:
         is_ground = any(part.startswith("terrain") for part in by_hand)
@@ -219,7 +219,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
-    painted_errors.clear_painted(built.scene)  # they are of the previous ground
+    painted_errors.clear_painted(built.scene)  # the statistics describe the previous ground
     ground.show_in_mesh(built.terrain.data)
     mark_elevation(
         built.terrain.data,
@@ -256,8 +256,8 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts. Shapes stay if they are
-    as before, because to build and to mark them takes longest."""
+    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts. Unchanged shapes stay,
+    because building and marking them takes longest."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove_objects([old] if old else [])

@@ -15,7 +15,7 @@ from .surface.images import remove_unused_images
 
 
 def find_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Objects with the shapes of rocks that they instance, and the node groups and collections of these instances."""
+    """Objects, the shapes of rocks that they instance, and the node groups and collections of these instances."""
     others = [part for item in objects for part in find_rock_parts(item, TAG)]
     return (
         [*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
@@ -66,9 +66,9 @@ def find_leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any]
 
 
 def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
-    """Remove ``find_leftovers`` without users. Copies of a scene may use the others."""
+    """Remove the data-blocks of ``find_leftovers`` that have no users. Copies of a scene may use the others."""
     parts, data, materials = found
-    for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each uses the next
+    for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each kind uses the next
         remove_unused([], [part for part in parts if isinstance(part, kind)])
     remove_unused(data, materials)
     remove_unused([], [text for text in bpy.data.texts if text.get(TAG) == SPREAD])

@@ -73,11 +73,10 @@ def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
 
 @contextmanager
 def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Turn an object clockwise about the vertical through the left eye, and turn it back at the end.
-
-    ``about`` is the camera if the object is another: the housing of the cameras.
+    """Turn an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and turn it back at the
+    end. ``about`` is the camera if the object is not the camera but the housing of the cameras.
     """
-    # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
+    # Setting the old matrix would change location and rotation by a rounding error, which would count as an edit.
     pose = {
         key: tuple(getattr(camera, key))
         for key in ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")

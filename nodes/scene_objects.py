@@ -1,4 +1,4 @@
-"""Makes the objects of a scene from its settings, before any of them replaces an earlier object."""
+"""Makes the objects of a scene from its settings, before they replace earlier objects."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class MadeObjects:
     site_m: float  # height of the ground under the camera
     warnings: list[str] = field(default_factory=list)
     excavation: dict[str, Any] = field(default_factory=dict)  # its report
-    #: For a build that another process has made: what it has recorded, see ``stored_build``.
+    #: The record of a build that another process has made, see ``stored_build``.
     record: dict[str, Any] = field(default_factory=dict)
     coarse: bool = False  # whether the ground is the coarse one of a preview
 
@@ -197,7 +197,8 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
 def _build_rocks(
     settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None, most_seen: int | None
 ) -> tuple[bpy.types.Object, list[str], int]:
-    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support.
+    """The object whose points are the rocks on the ground, warnings, and the number of rocks that lost support by the
+    excavation ``dug``.
 
     With ``most_seen`` they are the rocks that look largest.
     """

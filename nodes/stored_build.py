@@ -1,7 +1,7 @@
-"""A built scene in a .blend file. A separate Blender builds it, and the window takes it over without building.
+"""A built scene in a .blend file. A separate Blender builds it, and the window uses it without building.
 
-A build takes seconds of one processor, most of them for the ground's mesh and for rocks at rest on it. To take it over
-takes 0.2 s, nearly all of them in the one call by which Blender reads the file.
+A build takes seconds of one processor, most of them for the ground's mesh and for rocks at rest on it. Reading the
+stored build takes 0.2 s, nearly all of it in the call by which Blender reads the file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _RECORDED = (GROUND, SITE, CONTENT, EXCAVATION, STATISTICS, FINGERPRINT)
 
 
 def write_build(built: Built, path: Path) -> None:
-    """Write a scene that was just built, its world too, to a .blend file."""
+    """Write a scene that was just built, including its world, to a .blend file."""
     built.collection[_WARNINGS] = json.dumps(built.warnings)
     bpy.data.libraries.write(str(path), {built.collection, built.scene.world})
 

@@ -99,7 +99,7 @@ CLASSES: tuple[Any, ...] = (
     *manual.CLASSES,
 )
 
-if find_spec(f"{__package__}.install_evaluator"):  # a store build has it not
+if find_spec(f"{__package__}.install_evaluator"):  # a store build lacks this module
     from . import install_evaluator
 
     CLASSES = (*CLASSES, *install_evaluator.CLASSES)
@@ -140,7 +140,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Follow nothing any more, stop running jobs and unregister the operators."""
+    """Stop following events, stop running jobs and unregister the operators."""
     for module in reversed(_EVENT_MODULES):
         module.unregister()
     variation_pictures.unregister()

@@ -104,7 +104,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         return description.merged(start, *own)
 
     def _fill(self, start: Settings) -> None:
-        """Take from ``start`` the settings that the caller did not give.
+        """Fill the settings that the caller did not give with those of ``start``.
 
         A preset that is chosen later, in the redo panel, replaces all but size, resolution and seed.
         """

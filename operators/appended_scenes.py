@@ -23,7 +23,7 @@ def adopt_appended() -> None:
         appended_scene.untag_later_builds(scene)
         appended_scene.remove_shapes(scene)
         if (built := appended_scene.adopt_appended(scene)) is not None:
-            with suppress(IcyMoonError):  # a file of another version, which Build Scene reports
+            with suppress(IcyMoonError):  # the file is of another version, which Build Scene reports
                 _show_settings(scene, built)
 
 
@@ -34,20 +34,20 @@ def _show_settings(scene: bpy.types.Scene, built: scenes.Built) -> None:
     settings = merged(kept, built.preview)
     built.remember(kept, built.preview)
     scene_properties.write_settings(scene.icymoon, settings)
-    built.collection.pop(user_render.NOTE, None)  # of the scene in the other file
+    built.collection.pop(user_render.NOTE, None)  # these notes describe the scene in the other file
     user_render.prepare_render(scene, built)
     frame_and_expose(scene, settings)
 
 
 def _move_notes() -> None:
-    """Move the notes of older versions to their scenes, where a file is opened."""
+    """When a file is opened, move the notes that older versions stored to their scenes."""
     for scene in bpy.data.scenes:
         if (collection := scenes.find_collection(scene)) is not None:
             before_build.move_notes([scene, *scenes.find_scenes_sharing_build(scene)], collection)
 
 
 def _look_for_appended() -> None:
-    """Before Blender 4.3, which tells of Append: look for a built collection that its scene does not know."""
+    """Look for a built collection that its scene does not know. Blender before 4.3 does not report Append."""
     if any(
         not before_build.is_known(scene) or len(scenes.list_collections(scene)) > 1
         for scene in bpy.data.scenes

@@ -41,7 +41,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
 #: Azimuth of the Sun at which the default view is lit from the side.
 LIT_AZIMUTH_DEG = 300.0
 _SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
-#: What a view gets back that showed a built scene when its file was saved: it looks as Blender's own.
+#: Properties that a view gets if it showed a built scene when its file was saved: those of Blender's default view.
 _PLAIN_VIEW: dict[str, Any] = {
     "shading": {"type": "SOLID", "use_scene_lights_render": True, "use_scene_world_render": True},
     "overlays": True,
@@ -96,7 +96,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
 
 def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Restore a 3D View that showed a built scene; undo, redo or another scene may show the scene there again."""
+    """Restore a 3D View that showed a built scene. After undo, redo or a change of the scene it may show the scene
+    again."""
     space = area.spaces.active
     before = session.views_before.pop(space.as_pointer())
     session.views_left.add((space.as_pointer(), before["scene"]))
@@ -122,8 +123,8 @@ def _adopt_views() -> None:
 
 
 def _find_turned_views() -> tuple[list[Any], list[Any]]:
-    """The 3D Views to restore, whose scene is no longer built or gives way to another, and the views that have left a
-    built scene and show it again: windows and areas."""
+    """(window, area) of the 3D Views to restore, because their scene is no longer built or another scene is shown, and
+    of the views that had left a built scene and show it again."""
     gone, back = [], []
     for window, area in list_areas("VIEW_3D"):
         view, uid = area.spaces.active.as_pointer(), window.scene.session_uid
@@ -137,13 +138,13 @@ def _find_turned_views() -> tuple[list[Any], list[Any]]:
 
 
 def restore_views() -> None:
-    """Restore the 3D Views whose scene is no longer built, or that another scene has come into."""
+    """Restore the 3D Views whose scene is no longer built or that show another scene now."""
     for window, area in _find_turned_views()[0]:
         _restore_view(window, area)
 
 
 def _follow_views() -> None:
-    """Restore views, and show the built scene again in those that it comes back into."""
+    """Restore views, and show the built scene again in views that return to it."""
     restore_views()
     for window, area in _find_turned_views()[1]:
         built = scenes.find_built(window.scene)
@@ -153,7 +154,7 @@ def _follow_views() -> None:
 
 
 def _check_views() -> None:
-    """After undo, redo and changes of the scene that a window shows."""
+    """Schedule ``_follow_views`` after undo, redo and changes of the scene that a window shows."""
     if (session.views_before or session.views_left) and any(_find_turned_views()):
         call_later(_follow_views)  # no operator runs inside undo
 
@@ -201,7 +202,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
     prepare_render(scene, built)
-    hide_colours(scene)  # they are of the previous scene
+    hide_colours(scene)  # the painted errors are of the previous scene
     for warning in built.warnings:
         operator.report({"WARNING"}, format_for_window(warning))
     frame_and_expose(scene, built.settings, before)
@@ -241,6 +242,6 @@ register, unregister = make_registration(
     timers=(_follow_views,),
     undo_post=_check_views,
     redo_post=_check_views,
-    depsgraph_update_post=_check_views,  # Blender tells of no other scene in a window
+    depsgraph_update_post=_check_views,  # Blender does not report that a window shows another scene
     load_post=_adopt_views,
 )

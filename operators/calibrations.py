@@ -35,7 +35,7 @@ def _explain(error: IcyMoonError) -> str:
 
 
 def list_calibration_files(path: Path, name: str) -> list[Path]:
-    """The files that a calibration of a pair has in a format, beside ``path``: one for each eye, or one for both."""
+    """The files of a pair's calibration in a format, beside ``path``: one for each eye, or one for both."""
     kind = FORMATS[name]
     if not kind.suffix:
         return [path.with_suffix("")]

@@ -1,8 +1,8 @@
 """Shows the colours of errors in 3D Views, and restores the views afterwards.
 
-The window's layout knows no undo, so a timer restores the views when undo removes the errors or the window shows
-another scene, and shows the colours again when they return. A scene stores the earlier shading of its view, for when
-its file is opened again.
+Undo does not change the window's layout. So a timer restores the views when undo removes the errors or the window shows
+another scene, and shows the colours again when they return. A scene stores the earlier shading of its view, so that the
+view can be restored after its file is opened again.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ def _list_views() -> Iterator[tuple[bpy.types.Scene, Any]]:
 
 
 def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], solid: bool = False) -> None:
-    """Make the 3D View with the button show the colours of objects, in its local view too; ``solid``: in Solid shading.
+    """Make the 3D View with the button show the colours of objects, in its local view too, and with ``solid`` in Solid
+    shading.
 
-    The colours of the ground itself are visible in Solid shading only. It has no light there, so that the colours match
-    the legend.
+    The colours of the ground itself are visible in Solid shading only. Solid shading gets no light, so that the colours
+    match the legend.
     """
     space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
@@ -48,7 +49,7 @@ def _colour_view(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) ->
     session.colours_left.pop(space.as_pointer(), None)
     if solid:
         kept.setdefault("type", shading.type)
-        shading.type = "SOLID"  # first: the other two properties belong to Solid shading
+        shading.type = "SOLID"  # set first, because the other two properties belong to Solid shading
         kept.setdefault("light", shading.light)
         shading.light = "FLAT"
     kept.setdefault("color_type", shading.color_type)
@@ -101,7 +102,7 @@ def restore_views() -> None:
 
 
 def _follow_scenes() -> None:
-    """Restore the views whose scene shows no colours, and show them again in those that they come back into."""
+    """Restore the views whose scene shows no colours, and show the colours again in views that return to them."""
     restore_views()
     for scene, space in list(_list_views()):
         if space.as_pointer() in session.colours_left and is_shown(scene):
@@ -109,7 +110,7 @@ def _follow_scenes() -> None:
 
 
 def _check_views() -> None:
-    """After undo, redo and changes of the scene that a window shows."""
+    """Schedule ``_follow_scenes`` after undo, redo and changes of the scene that a window shows."""
     if any(
         space.as_pointer() in (session.colours_left if is_shown(scene) else session.shading_before)
         for scene, space in (_list_views() if session.shading_before or session.colours_left else ())
@@ -135,5 +136,5 @@ register, unregister = make_registration(
     load_post=_read_earlier_shading,
     undo_post=_check_views,
     redo_post=_check_views,
-    depsgraph_update_post=_check_views,  # Blender tells of no other scene in a window
+    depsgraph_update_post=_check_views,  # Blender does not report that a window shows another scene
 )

@@ -36,7 +36,8 @@ from .window_events import call_later, make_registration
 _JOB_TITLE = "Render Data Set"
 _LOOK_S = 0.5
 _plans: list[tuple[str, str, str]] = []
-#: The plan and lines of the last dry run, the pairs that were set aside and why, and the pair that was rendered last.
+#: The plan and the lines of the last dry run, the pairs that were set aside with the reasons, and the last rendered
+#: pair.
 readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
 
 
@@ -147,7 +148,7 @@ def _note_pairs(message: Message) -> None:
 class DatasetJob(jobs.Job):
     """A data set that is being rendered. A pair that is set aside does not end it.
 
-    If it ``evaluates``, it is not done when all pairs are rendered: its progress starts again.
+    If the job ``evaluates``, its progress starts again when all pairs are rendered.
     """
 
     evaluates = False
@@ -305,7 +306,7 @@ def _watch_again() -> None:
             process = find_unwatched_process(find_state_folder())
             if process is not None:
                 process.leave = True
-                process.stop()  # stops watching only: the operator finds it again
+                process.stop()  # this stops only the watching; the operator finds the data set again
                 bpy.ops.icymoon.watch_dataset("INVOKE_DEFAULT")
 
 

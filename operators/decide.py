@@ -23,11 +23,12 @@ class DecidingOperator(JobOperator):
     fuse_suns: bpy.props.BoolProperty(
         name="Fuse Suns",
         description="Decide once on the pairs of a site that one camera took in one pose under several Suns",
-        options={"SKIP_SAVE"},  # or the button without it would have the answer of the last one
+        options={"SKIP_SAVE"},  # otherwise the button without this property would get the last choice
     )
 
     def make_file_arguments(self) -> tuple[str, ...]:
-        """The arguments of the command that name a file of the user; none by the shipped rules without a guarantee."""
+        """The arguments of the command that name a file of the user; empty for the shipped rules without a
+        guarantee."""
         return ()
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -69,7 +70,7 @@ class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """The tooltip, with what becomes of several Suns."""
+        """The tooltip, with a sentence on several Suns."""
         suns = properties.rna_type.properties["fuse_suns"].description
         return f"{cls.__doc__}. {suns}" if properties.fuse_suns else str(cls.__doc__)
 

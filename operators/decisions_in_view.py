@@ -79,7 +79,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
 
 
 def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
-    """The built scene and a map of its pair. Raises IcyMoonError if one of them is missing."""
+    """The built scene and a map of its pair. Raises IcyMoonError if the scene or the map is missing."""
     folder = _find_folder(scene)
     pairs = stored_maps.list_pairs(folder, method)
     if not pairs:

@@ -20,7 +20,7 @@ class SearchDialog(OperatorMixin):
         if self.properties.is_property_set(self.bl_property):
             return self.execute(context)
         context.window_manager.invoke_search_popup(self)
-        return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
+        return {"INTERFACE"}  # return as Blender's own searches do; a running operator would never be freed
 
 
 def file_property(description: str) -> Any:
@@ -39,7 +39,7 @@ class FileDialog:
 class SaveDialog(FileDialog, OperatorMixin):
     """Mix-in: an operator that saves a file, chosen in a file browser."""
 
-    #: The name that the browser proposes; the file that is written has its suffix.
+    #: The name that the browser proposes. The written file gets the suffix of this name.
     first_name: str
     filepath: file_property("File to write")
 

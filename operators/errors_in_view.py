@@ -135,8 +135,8 @@ def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
 
 
 def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
-    """The pairs with these ids that show the built scene: of the present settings, or else of the same ground and
-    cameras. Raises IcyMoonError, with the reason, if no pair shows it."""
+    """The pairs with these ids that show the built scene: pairs of the present settings, or else of the same ground and
+    cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
     settings = scene_properties.read_settings(scene.icymoon)
     found = [pair.id for pair in plan_pairs(scene, settings) if pair.id in names]
     folder = pairs_folder(find_dataset_folder(settings))
@@ -186,7 +186,7 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
 
 
 def follow_colour_range(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Follow the range of the colours."""
+    """Colour the shown errors again when the range of the colours changes."""
     if scene is not None and change_announcements.COLOURS in effects:
         measured_surface.recolour_points(scene, scene.icymoon.error_range_m)
         painted_errors.recolour_errors(scene, scene.icymoon.error_range_m)

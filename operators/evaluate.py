@@ -63,7 +63,7 @@ def make_matcher_arguments(settings: Settings, flag: str = "--methods") -> list[
 
 
 def explain_missing_maps(scene: bpy.types.Scene) -> str:
-    """Why an evaluation writes no maps of a scene's ground, as a sentence; empty if it can, as far as is known."""
+    """A sentence on why an evaluation cannot write maps of a scene's ground; empty if no reason is known."""
     source = scene_properties.read_for_display(scene.icymoon).source
     if source.kind != "HEIGHT_MAP":
         return "Maps need ground from a GeoTIFF with a coordinate system."
@@ -100,7 +100,7 @@ class ResultKeeper:
 
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Report the metrics to the user."""
-        push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
+        push_undo("Evaluate")  # otherwise undo of the previous step would remove the results too
         for sentence in results.describe_results(results.read_summary(self.scene) if self.scene is not None else ()):
             operator.report({"INFO"}, show_controls(sentence))
         if self.scene == context.scene:
@@ -108,7 +108,8 @@ class ResultKeeper:
 
 
 class MeasuringJob(jobs.Job):
-    """A job of the evaluator. Its text has counts in place of ids of pairs, and names what follows the last pair."""
+    """A job of the evaluator. Its text shows counts instead of ids of pairs, and names the work that follows the last
+    pair."""
 
     def hear(self, message: Message) -> None:
         """Handle one message of the evaluator."""

@@ -26,7 +26,7 @@ from .session import Exported, session
 from .show_pair import find_kept_pairs
 from .sidebar_text import format_for_window
 
-#: The choice that the command line calls --for-prediction, in the place of a format.
+#: The choice that stands among the formats for --for-prediction of the command line.
 _FOR_PREDICTION = "for-prediction"
 _FORMATS = [
     *((name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()),
@@ -42,7 +42,7 @@ _SOURCES = (
 )
 #: Seconds after which a data set folder is read again, although neither it nor its folder of pairs has changed.
 _REREAD_S = 5.0
-#: Numbers that only some formats take, as properties of the dialog. 0 is the default of the command line.
+#: Numbers for some formats only, as properties of the dialog. 0 stands for the default of the command line.
 _OptionFields = type(
     "_OptionFields",
     (),
@@ -77,7 +77,7 @@ def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
 
 
 def _has_pairs_now(dataset: Path) -> bool:
-    """``has_pairs`` for the window, which asks at every redraw: the folder is read when it has changed."""
+    """``has_pairs`` for the window, which asks at every redraw. The folder is read only after it has changed."""
     changed_ns = []
     for folder in (dataset, pairs_folder(dataset)):
         try:
@@ -167,7 +167,8 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         return jobs.Job.start("Export", command, if_stopped="what was written is kept")
 
     def _make_command(self, *arguments: str) -> list[str]:
-        """The command in the evaluator's Python; without an evaluator in this Blender, if the format needs no more."""
+        """The command in the evaluator's Python. Without an evaluator, the command in this Blender, if the format needs
+        only that."""
         try:
             return python_command(find_evaluator_python(), "stereo", *arguments)
         except IcyMoonError:
@@ -176,7 +177,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
             return blender_command(jobs.find_this_blender(), "stereo", *arguments)
 
     def report_end(self, context: bpy.types.Context) -> None:
-        """Keep what the sidebar shows of it."""
+        """Keep the folder and the sentences of the export for the sidebar."""
         job = self._job
         sentences = [format_for_window(each) for each in (*job.warnings, *filter(None, [job.failure]))]
         session.exported = Exported("" if job.failure else str(self._out), tuple(sentences))

@@ -2,7 +2,7 @@
 
 Cycles shows its first picture with the ground at full resolution after some seconds, and on two processors without a
 graphics card that picture is grainy for a minute. The picture by which the scene was chosen shows the same ground and
-light. It is drawn over the view, so no image is added to the file. A changed setting takes it away.
+light. It is drawn over the view, so no image is added to the file. A changed setting removes the picture.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class FirstPicture:
         return self._handler is not None and self._scene_name == scene.name
 
     def remove(self) -> None:
-        """Take the picture away, if there is one."""
+        """Remove the picture, if there is one."""
         if self._handler is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._handler, "WINDOW")
             self._handler = self._texture = None

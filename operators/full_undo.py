@@ -2,8 +2,8 @@
 
 Blender's undo keeps the data-blocks that are the same in two neighbouring steps. The fine ground gives objects new data
 without a step of its own, see ``refine_ground``. Undo would keep such an object and free its new data, and Blender
-would crash when it draws the object. Blender's option *Undo Legacy* keeps nothing; it is on during such an undo only,
-because it takes longer.
+would crash when it draws the object. With Blender's option *Undo Legacy*, undo keeps no data-blocks. The option takes
+longer, so it is on during such an undo only.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def _begin() -> None:
 
 
 def _end() -> None:
-    """Restore the options. The undo of a mode, such as of sculpting, reads no data-blocks, so the next one has to."""
+    """Restore the options. The undo of a mode, such as sculpting, reads no data-blocks, so the next undo must read
+    them."""
     if session.options_before_undo is None:
         return
     preferences = bpy.context.preferences

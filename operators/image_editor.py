@@ -1,4 +1,4 @@
-"""Showing something in an Image Editor, which opens a window with one if needed."""
+"""Shows images in an Image Editor, and opens a window with an Image Editor if there is none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .session import session
 from .window_areas import list_areas, override_area
 from .window_events import call_later, make_registration
 
-#: What shows something in an area, and finishes what belongs to it.
+#: A function that shows something in an area and finishes the work that depends on it.
 Show = Callable[[bpy.types.Area], None]
 
 
@@ -25,8 +25,8 @@ def show_in_editor(open_window: bool, show: Show) -> bool:
     Without such an editor, ``open_window`` lets the next turn of the event loop open a window with one. The other
     editors of the user stay as they are. Returns False if nothing is or will be shown.
 
-    A new window becomes that of the context. If a modal operator has opened it, Blender (4.3 and 5.2) does not end this
-    operator, and crashes later.
+    A new window becomes the window of the context. If a modal operator has opened the window, Blender (4.3 and 5.2)
+    does not end this operator, and crashes later.
     """
     area = _find_editor()
     if area is not None:
@@ -48,7 +48,8 @@ def _find_editor() -> bpy.types.Area | None:
 
 
 def _open_windows() -> None:
-    """Show what waits: the first opens a window, if there is no Image Editor, and the others find it."""
+    """Call the waiting functions. The first opens a window if there is no Image Editor, and the others find that
+    window."""
     waiting = session.to_show[:]
     session.to_show.clear()
     for show in waiting:

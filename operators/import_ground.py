@@ -30,8 +30,8 @@ def build_on_source(
 ) -> set[str]:
     """Build the scene on the ground of these ``source`` settings, and return the result of the operator.
 
-    An error, also IcyMoonError of ``make_source``, is reported, and the settings are as before. Before a mesh is loaded
-    that takes long, the user is asked.
+    An error, including an IcyMoonError of ``make_source``, is reported, and the settings stay as before. Before a mesh
+    that takes long is loaded, the user is asked.
     """
     group = context.scene.icymoon
     before = scene_properties.read_unchecked(group).source

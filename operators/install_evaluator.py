@@ -39,7 +39,7 @@ def _can_make_environments(python: Path) -> bool:
     try:
         done = run([str(python), "-I", "-c", "import venv, ensurepip"], clean_environment(), timeout_s=30.0)
         return done.returncode == 0
-    except OSError:  # such as the python.exe of Windows that only opens the Microsoft Store
+    except OSError:  # for example, Windows' python.exe that only opens the Microsoft Store
         return False
 
 

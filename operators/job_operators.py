@@ -27,7 +27,7 @@ class WatchingOperator(OperatorMixin):
     _watch: unseen_jobs.Watch | None = None
 
     def start(self, context: bpy.types.Context) -> jobs.Job | None:
-        """Start the job; None if it has nothing to wait for. Raises IcyMoonError if it cannot start."""
+        """Start the job; None if there is nothing to wait for. Raises IcyMoonError if it cannot start."""
         raise NotImplementedError
 
     def report_success(self, context: bpy.types.Context) -> None:
@@ -79,7 +79,8 @@ class WatchingOperator(OperatorMixin):
         return self.look_or_end(context) or {"PASS_THROUGH"}
 
     def look_or_end(self, context: bpy.types.Context) -> set[str]:
-        """Look at the job, or end if it has ended: the result of the operator, empty while the job runs.
+        """Look at the job, and end the operator if the job has ended. Returns the operator's result, empty while the
+        job runs.
 
         A defect of ours ends the job too. Otherwise each look would meet it again, and no other job could start.
         """
@@ -119,7 +120,7 @@ class WatchingOperator(OperatorMixin):
                 self.give_up(context, error)
 
     def _leave_events(self, context: bpy.types.Context) -> None:
-        """Want no more events. A timer whose events have stopped may be freed, so it is left alone."""
+        """Stop receiving events. A timer whose events have stopped may be freed already, so it is not removed."""
         if self._watch is not None:
             if self._watch.is_seen and self._timer is not None:
                 context.window_manager.event_timer_remove(self._timer)
@@ -145,7 +146,7 @@ class WatchingOperator(OperatorMixin):
         return {"FINISHED"}
 
     def report_end(self, context: bpy.types.Context) -> None:
-        """Called when the job has ended, however it ended."""
+        """Called when the job has ended, with or without success."""
 
 
 class JobOperator(WatchingOperator):
@@ -175,7 +176,8 @@ class JobOperator(WatchingOperator):
         return result
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        # Blender sends a quick second press as a double click first, and as a press if nobody takes it.
+        # Blender sends a quick second press first as a double click, and then as a press if no one handles the double
+        # click.
         if self.escapes and event.type == "ESC" and event.value == "PRESS" and not event.is_repeat:
             stops = self._job.escape()
             redraw_panels()

@@ -20,15 +20,15 @@ from ..support.errors import IcyMoonError
 
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
-#: Least finished share of a job, or least seconds, for which the remaining time is shown.
+#: Minimum finished share of a job, or minimum seconds, from which on the remaining time is shown.
 _LEAST_SHARE, _LEAST_SECONDS = 0.1, 120.0
 #: Seconds in which the second Esc must follow the first to stop a job.
 ESCAPE_S = 2.0
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
-    """The environment (None: ours) of a process that renders on ``device``: with the graphics cards that are ticked in
-    the preferences of Blender, unless the environment names others."""
+    """The environment of a process that renders on ``device`` (None for the environment of this process). It names the
+    graphics cards that are ticked in Blender's preferences, unless it names others already."""
     if device != "GPU" or ENVIRONMENT in os.environ:
         return environment
     return add_cards(environment, find_selected_cards())
@@ -46,13 +46,13 @@ class Job:
     title: str
     process: Process | DetachedProcess | Calculation
     handle: Callable[[Message], object] = lambda message: None  # called with every message
-    clean_up: Callable[[], object] = lambda: None  # called at the end, however it ends
+    clean_up: Callable[[], object] = lambda: None  # called when the job ends, with or without success
     started: float = field(default_factory=time.monotonic)
     fraction: float = 0.0
     text: str = ""
     error: str = ""
     warnings: list[str] = field(default_factory=list)
-    result: Message = field(default_factory=dict)  # the last message that the work is done; empty until then
+    result: Message = field(default_factory=dict)  # the message that the work is done; empty until then
     if_stopped: str = "what was finished is kept"
     escaped: float | None = None  # when Esc was pressed last
 
@@ -93,7 +93,7 @@ class Job:
 
     @property
     def brief(self) -> str:
-        """What the status bar shows: title, finished share, and remaining time or the hint on Esc."""
+        """Text for the status bar: title, finished share, and remaining time or the hint on Esc."""
         return f"{self.title}{self.percent}  {self._hint or format_remaining(self.remaining_s)}".rstrip()
 
     @property
@@ -142,13 +142,13 @@ class Job:
         return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.cause}"
 
     def cancel(self) -> None:
-        """Ask it to stop; it ends within seconds."""
+        """Ask the job to stop; it ends within seconds."""
         self.process.cancel()
 
     def escape(self) -> bool:
-        """Esc was pressed. The second within ``ESCAPE_S`` stops the job; returns whether it does.
+        """Handle a press of Esc. A second press within ``ESCAPE_S`` stops the job. Returns whether the job stops.
 
-        One alone does not: it is also the key that leaves a text field, a menu or a tool.
+        A single press does not stop it, because Esc also leaves a text field, a menu or a tool.
         """
         now = time.monotonic()
         again = self.escaped is not None and now < self.escaped + ESCAPE_S
@@ -159,7 +159,7 @@ class Job:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a word or two."""
+        """How the job ended, in a word or two."""
         if self.process.left:
             return "goes on in the background"
         if self.process.cancelled:
@@ -167,13 +167,13 @@ class Job:
         return "failed" if self.failure else "done"
 
     def close(self) -> None:
-        """Stop it at once if it has not ended, and clean up. A second call does nothing."""
+        """Stop the job at once if it has not ended, and clean up. A second call does nothing."""
         clean_up, self.clean_up = self.clean_up, lambda: None
         self.process.stop()
         clean_up()
 
     def run_to_end(self) -> None:
-        """Wait until it has ended. Raises IcyMoonError if it failed."""
+        """Wait until the job has ended. Raises IcyMoonError if it failed."""
         try:
             while self.poll():
                 time.sleep(INTERVAL_S)

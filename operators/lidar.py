@@ -62,12 +62,12 @@ def make_request(scene: bpy.types.Scene) -> ScanRequest:
 
 
 def read_scanner(scene: bpy.types.Scene) -> LidarFile:
-    """The chosen scanner, with the choices of the panel. Raises IcyMoonError for an impossible one."""
+    """The chosen scanner, with the choices of the panel. Raises IcyMoonError for an impossible scanner."""
     return make_request(scene).change(read_lidar(find_scanner_file(scene)))
 
 
 def find_scan_folder(scene: bpy.types.Scene, planned: PlannedPair) -> Path:
-    """The folder for the returns of a pair: its own if it is rendered, else one beside the data set."""
+    """The folder for the returns of a pair: the pair's folder if it is rendered, else a folder beside the data set."""
     dataset = find_dataset_folder(planned.settings)
     pair = folder_of_pair(dataset, planned.id)
     return pair if is_complete(pair) else dataset.parent / f"{dataset.name}_lidar" / planned.id
@@ -201,7 +201,7 @@ class ICYMOON_OT_hide_scan(bpy.types.Operator):
 
 
 def _follow_choices(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Show as many points, in the colours, as the panel asks for."""
+    """Show the points again, in the number and colours that the panel states."""
     if scene is not None and LIDAR_POINTS in effects:
         lidar_in_view.limit_points(scene, scene.icymoon.lidar.points)
         lidar_in_view.recolour(scene, scene.icymoon.lidar.colour)

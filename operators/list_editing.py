@@ -25,11 +25,11 @@ class EditedList(NamedTuple):
 
     @property
     def selected(self) -> int:
-        """The index of the selected entry; of the last one if an entry was removed since."""
+        """The index of the selected entry, or of the last entry if the selected one was removed."""
         return min(getattr(self.group, self.active), len(self.entries) - 1)
 
     def select(self, index: int, scene: bpy.types.Scene) -> None:
-        """Select an entry and announce a change. Blender itself calls updates for changed entries only."""
+        """Select an entry and announce a change, because Blender itself calls updates for changed entries only."""
         setattr(self.group, self.active, max(0, min(index, len(self.entries) - 1)))
         announce(scene, self.effect)
 

@@ -48,7 +48,8 @@ def schedule_development(scene: bpy.types.Scene, effects: frozenset[str]) -> Non
 
 
 def develop_waiting() -> float | None:
-    """Start a waiting development or handle messages of a running one. The timer calls it until there is neither."""
+    """Start a waiting development, or handle the messages of a running development. The timer calls this until there is
+    neither."""
     try:
         if session.developing is None:
             session.developing = _start_development()
@@ -63,7 +64,7 @@ def develop_waiting() -> float | None:
 def _start_development() -> jobs.Job | None:
     """Start to develop the shown images of a waiting scene. None without such images, or while another job runs."""
     if session.job is not None:
-        return None  # the other job may be writing the same images
+        return None  # the other job may write the same images
     scene = bpy.data.scenes.get(session.to_develop.pop()) if session.to_develop else None
     if scene is None or not scene.icymoon.follow:
         return None

@@ -63,7 +63,8 @@ def update_scene(scene: bpy.types.Scene) -> bool:
 
 
 def choose_next_side(side: int, seconds: float) -> int:
-    """Vertices per side for the next update, when one with ``side`` of them took ``seconds``."""
+    """Vertices per side of the ground for the next update, if an update with ``side`` vertices per side took
+    ``seconds``."""
     if seconds > BUDGET_S:
         return max((n for n in SIDES if n < side), default=side)
     finer = min((n for n in SIDES if n > side), default=side)
@@ -99,7 +100,7 @@ def show_waiting() -> None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """How well the built scene shows the settings; sentences, none without a built scene.
+    """Sentences on how well the built scene shows the settings; empty without a built scene.
 
     There is always a line. Otherwise the fields below would move while the user drags one of them.
     """

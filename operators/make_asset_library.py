@@ -24,7 +24,7 @@ from .window_areas import list_areas, override_area
 
 
 def _show_in_browsers(library: str = "") -> None:
-    """Let open Asset Browsers read their libraries again, and show a library, unless they show all."""
+    """Make open Asset Browsers read their libraries again and, unless they show all libraries, show this library."""
     for window, area in list_areas("FILE_BROWSER"):
         if area.ui_type == "ASSETS":
             shown = area.spaces.active.params

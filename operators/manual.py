@@ -1,7 +1,7 @@
 """Open Manual: the pages of the manual in the web browser, from files of the extension, without a network.
 
-The pages are made from Markdown in the window, once in a session, so that a checkout and an installed package have them
-too: neither has a step that builds pages.
+The window makes the pages from Markdown, once in a session. So a checkout and an installed package have them too,
+although neither has a step that builds pages.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def _read_formulas() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def write_pages() -> Path:
-    """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be."""
+    """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be
+    written."""
     if not list_page_names():
         raise IcyMoonError(f"The manual is missing in {_DOCS_FOLDER}; install Icy Moon again.")
     folder = make_scratch_folder()
@@ -106,7 +107,7 @@ def _find_title(name: str, text: str) -> str:
 
 
 def _make_relative_address(name: str, page: str) -> str:
-    """The address of a page as seen from another."""
+    """The address of the page ``name`` relative to the page ``page``."""
     return posixpath.relpath(f"{name}.html", posixpath.dirname(page) or ".")
 
 
@@ -190,5 +191,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Leave Online Manual to Blender."""
+    """Let Online Manual in the context menus lead to Blender's manual again."""
     bpy.utils.unregister_manual_map(_make_manual_map)

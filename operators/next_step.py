@@ -1,4 +1,4 @@
-"""What leads on from the present state of a scene to a measured stereo error."""
+"""The next step from the present state of a scene to a measured stereo error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from .show_pair import find_kept_pairs
 
 
 def find_next_step(scene: bpy.types.Scene) -> str:
-    """The button or panel that comes next. A pair of other settings than the present ones is rendered again."""
+    """The button or panel of the next step. A pair that has other settings than the present ones must be rendered
+    again."""
     if find_collection(scene) is None:
         return "Next: Build Scene"
     pairs = find_kept_pairs(scene)
@@ -32,8 +33,8 @@ def find_next_step(scene: bpy.types.Scene) -> str:
 
 
 def _is_of_other_settings(scene: bpy.types.Scene, folder: Path) -> bool:
-    """Whether the pair was rendered with other settings than the scene's present ones, of those that its images depend
-    on. A pair that cannot be read is as it was."""
+    """Whether the settings on which the images depend have changed since the pair was rendered. False for a pair that
+    cannot be read."""
     rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
     present = scene_properties.read_for_display(scene.icymoon)
     return rendered is not None and any(

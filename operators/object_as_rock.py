@@ -53,7 +53,7 @@ class ICYMOON_OT_object_as_rock(SelectedMeshOperator, bpy.types.Operator):
         return {
             "family": OWN,
             "shape_file": shorten_path(path, scene.icymoon.dataset.folder),
-            "elongation": 1.0,  # the shape has its own
+            "elongation": 1.0,  # the shape has its own elongation
             "height_ratio": min(max(read_proportions(path), height.minimum), height.maximum),
             "coverage": scene.icymoon.rocks.coverage or _FIRST_COVERAGE,
         }

@@ -9,12 +9,13 @@ from .window_areas import list_areas
 from .window_events import call_later, cancel_call
 
 TAB = "Icy Moon"
-#: Seconds between two tries, and most tries: Blender knows the tabs of a sidebar only after it has drawn them.
+#: Seconds between two tries, and maximum number of tries. Blender knows the tabs of a sidebar only after it has drawn
+#: them.
 _INTERVAL_S, _MOST_TRIES = 0.2, 50
 
 
 class _Tries:
-    """The tries that are left."""
+    """The number of tries that are left."""
 
     left = 0
 
@@ -54,5 +55,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Do not open it any more."""
+    """Stop trying to open the tab."""
     cancel_call(_open_once)

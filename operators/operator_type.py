@@ -21,4 +21,4 @@ if TYPE_CHECKING:
 
         def execute(self, context: bpy.types.Context) -> set[str]: ...
 else:
-    OperatorMixin = object  # so that no method hides the operator's own
+    OperatorMixin = object  # so that no method here hides a method of the operator

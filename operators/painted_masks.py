@@ -34,7 +34,7 @@ KINDS = (
 )
 #: What a first mask turns on, where there was none.
 _FIRST_AMOUNTS = {"ROCKS": ("rocks", "coverage", 0.05), "FROST": ("surface", "frost_share", 0.5)}
-_MOST = 65535  # of a value in the file
+_MOST = 65535  # the largest value in the file
 _NO_BRUSHES = (
     "This Blender was built without brushes, so it paints nothing; choose an image as the mask, or use the Blender of "
     "blender.org"
@@ -259,7 +259,7 @@ def _show_to_paint(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
 
 
 def _hide(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
-    """Hide the sheet, and show in the 3D View with the button what it showed before the painting."""
+    """Hide the sheet, and restore the shading and overlays that the 3D View with the button had before the painting."""
     sheet.hide_set(True)
     space: Any = context.space_data
     before = session.before_painting.pop(space.as_pointer(), None) if space is not None else None

@@ -24,9 +24,9 @@ TARGETS = (
     ("SITE", "Site on the Map", "Move the ground so that the place is the origin of the scene"),
 )
 _HINT = "Click on the ground to place the {}; Esc or right click to cancel"
-#: Events that end the operator without a place; those that turn and move the view are left to Blender.
+#: Events that end the operator without a place. Blender handles the events that turn and move the view.
 _CANCELS = ("ESC", "RIGHTMOUSE")
-_DIGITS = 3  # of a place in metres: a millimetre
+_DIGITS = 3  # digits of a place in metres: a millimetre
 
 
 def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:

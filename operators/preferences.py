@@ -25,7 +25,7 @@ from .session import session
 #: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED_PACKAGES = ", ".join(name for name, *_ in PACKAGES.values())
 
-#: The name by which Blender knows the add-on: its package, which the room is in.
+#: The name by which Blender knows the add-on: the package that contains this folder.
 ADD_ON = __package__.rpartition(".")[0]
 #: The name of our asset library in the Asset Browser, until the user renames it.
 ASSET_LIBRARY = "Icy Moon"
@@ -207,7 +207,7 @@ def list_plugin_matchers() -> list[str]:
 def make_own_matcher_arguments(methods: str) -> list[str]:
     """The arguments of the evaluator for the user's own matchers in a list of matchers.
 
-    Raises IcyMoonError if one is not set up on this machine.
+    Raises IcyMoonError if a matcher is not set up on this machine.
     """
     preferences = get_preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
@@ -356,8 +356,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
 
 def _draw_top(layout: bpy.types.UILayout) -> None:
-    """Draw the progress of the running job, such as Install Evaluator, with the button that stops it; else the place of
-    the sidebar. Both take a line, so that no button moves."""
+    """Draw the progress of the running job, such as Install Evaluator, with the button that stops it; else a line on
+    where the sidebar is. Either takes one line, so that no button moves."""
     row = layout.row(align=True)
     if session.job is None:
         row.label(text="Icy Moon is a tab in the sidebar of the 3D View, which N opens", icon="INFO")
@@ -401,8 +401,8 @@ def show_findings(found: list[Finding]) -> None:
 
 
 def register() -> None:
-    """Register the preferences, and list the asset library. From now on, scenes that need kernels and name none get the
-    preferred ones."""
+    """Register the preferences, and list the asset library. From now on, scenes that need kernels but name none get the
+    kernels of the preferences."""
     bundled_wheels.share_wheels(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)

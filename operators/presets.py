@@ -34,7 +34,7 @@ from .sidebar_text import format_for_window, measure_line_length, remember_answe
 OWN = "own/"
 _PICTURE_SUFFIX = ".png"
 _CHANGED_MARK = ", changed"
-#: Characters that the icons and buttons beside a preset's title take, and fewest characters of a recognisable title.
+#: Characters that the icons and buttons beside a preset's title take, and minimum length of a recognisable title.
 _BUTTON_CHARACTERS, _FEWEST_TITLE_CHARACTERS = 13, 6
 #: Topics that belong to the user and stay when a scene is loaded.
 _KEPT_TOPICS = ("dataset", "quality")
@@ -79,7 +79,8 @@ def find_picture(name: str) -> Path:
 
 
 def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
-    """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
+    """Save the left image of the rendered pair of ``settings`` beside a preset. Returns whether there is such a
+    pair."""
     try:
         views = read_pair_views(
             find_rendered_pairs(context, settings)[0], rebuilt_parts.select_response(settings), PICTURE_PX
@@ -100,7 +101,8 @@ def list_preset_items(_self: object = None, _context: object = None) -> list[tup
 
 
 def list_search_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
-    """``list_preset_items`` with the kind of each preset behind its title: presets of two kinds may have one title."""
+    """``list_preset_items`` with the kind of each preset after its title, since presets of two kinds may have the same
+    title."""
     found = []
     for name, title, tooltip in list_preset_items():
         kind = preset_files.PRESET_KINDS.get(name.split("/")[0], "Yours")
@@ -140,7 +142,7 @@ def make_button_title(scene: bpy.types.Scene) -> str:
 def is_changed(scene: bpy.types.Scene) -> bool:
     """Whether the settings of the scene differ from its preset, so that loading the preset would change them.
 
-    Data set and quality do not count: loading a preset keeps the user's.
+    Data set and quality do not count, because loading a preset keeps them.
     """
     name = scene.icymoon.preset
     if not name or not _exists(name):
@@ -245,7 +247,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
 
 
 def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
-    """Show the settings of the scene at once and coarsely; the ground at full resolution follows.
+    """Show the settings of the scene at once with coarse ground. The ground at full resolution follows.
 
     Until the view is clear, ``picture`` covers it.
     """
@@ -253,7 +255,7 @@ def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, pictu
     settings = scene_properties.read_unchecked(scene.icymoon)
     if scenes.find_collection(scene) is None:
         if is_from_file(settings):
-            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # which asks before it loads a large mesh
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # this asks before it loads a large mesh
         else:
             build_and_report(operator, context, coarse=True)
     else:

@@ -22,7 +22,7 @@ from .render import find_dataset_folder
 from .window_areas import ButtonPictures, redraw_panels
 from .window_events import call_later, cancel_call
 
-#: Most pairs in the list, columns or rows of a picture, and most pictures that are kept.
+#: Maximum number of pairs in the list, of columns or rows of a picture, and of pictures that are kept.
 MOST_PAIRS, SIDE_PX, _MOST_PICTURES = 8, 128, 64
 #: Seconds after which the folder is read again although it has not changed: a pair may be rendered anew in its place.
 _REREAD_S = 5.0
@@ -82,7 +82,7 @@ def _read_recent(folder: Path, changed_ns: int, period: int) -> tuple[RecentPair
 
 
 def find_icon(pair: RecentPair) -> int | None:
-    """The icon of a pair's picture (0 without a window); None until it is there. What has no picture waits for one."""
+    """The icon of a pair's picture (0 without a window); None until it is made. A pair without a picture is queued."""
     shown = _pictures.collection.get(_make_key(pair))
     if shown is not None:
         return int(shown.icon_id)
@@ -114,7 +114,7 @@ def make_next() -> float | None:
 
 
 def _keep(pair: RecentPair, job: jobs.Job) -> None:
-    """Keep the left image of a pair that was read; of a pair that cannot be read, that it has no picture."""
+    """Keep the left image of a pair that was read. A pair that cannot be read is noted as having no picture."""
     if job.failure:
         _Making.failed |= {pair}
         return

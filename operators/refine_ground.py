@@ -1,8 +1,8 @@
 """The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
 
 Another Blender builds the scene, and a timer takes it over from its file. A setting of the ground that changes ends
-that process at once. This adds no undo step: undo takes the chosen scene back as a whole, and redo stays possible.
-Where undo and redo show the coarse ground again, the fine ground follows again.
+that process at once. The fine ground adds no undo step: one undo reverts the choice of the scene, and redo stays
+possible. If undo or redo shows the coarse ground again, the fine ground follows again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .window_events import call_later, make_registration
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: First letters of the names of operators that hold the data they change, or that a wait would interrupt.
+#: Prefixes of the names of operators that hold the data they change, or that a wait would interrupt.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
@@ -107,7 +107,7 @@ def _refine_next() -> float | None:
 
 
 def _give_up(built: scenes.Built, error: IcyMoonError) -> None:
-    """Leave a scene as it is, with the reason."""
+    """Leave a scene with its coarse ground, and note the reason."""
     del built.collection[scenes.REFINED]
     preview.set_notes(built, [str(error)])
 

@@ -66,8 +66,8 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
 def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
     """The built scene that is rendered as the user edited it; None if another process builds it from its settings.
 
-    The window must not wait for the second kind. It shows the ground coarsely, unless it shows the settings already,
-    and the fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
+    The window must not wait for that process. It shows coarse ground, unless it shows the settings already, and the
+    fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
     built = _find_traceable(scene)
     if find_reasons_without_file(settings) or (built is not None and built.edited):
@@ -112,7 +112,7 @@ def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     built = scenes.find_built(scene)
     if built is not None:
         scenes.separate_from_copies(built)
-    # To read the marks of a full ground takes 0.2 s, so they are not read twice.
+    # Reading the marks of a full ground takes 0.2 s, so they are read only once.
     if built is not None and (not scenes.list_changed_settings(built, settings) or built.edited):
         return expand_headings(settings, built.extra)
     return expand_headings(settings, scenes.make_build_facts(settings))
@@ -191,7 +191,7 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         scene = find_scene(self._scene_uid)
         if scene is not None:
             scene.icymoon.pairs = " ".join(self._rendered)
-            push_undo(self.bl_label)  # or undo would take the pair back along with the step before
+            push_undo(self.bl_label)  # otherwise undo would remove the pair along with the step before
         if scene == context.scene:
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True)
 

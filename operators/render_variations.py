@@ -28,7 +28,7 @@ from .sidebar_text import recall_known_speed, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import keep_until_change
 
-#: Most pairs whose pictures the sidebar offers, and characters of a line of the dialog.
+#: Maximum number of pairs whose pictures the sidebar offers, and characters of a line of the dialog.
 _MOST_PICTURES, _DIALOG_LINE_CHARACTERS = 24, 60
 #: Number of pairs over which the estimate averages.
 _SAMPLED_PAIRS = 16
@@ -128,7 +128,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         plan = str(folder / variation_plan.PLAN)
         command = dataset.make_batch_command(
             context.scene, settings, plan
-        )  # which is refused before anything is written
+        )  # an impossible plan is refused before anything is written
         if (folder / FROZEN).is_file():
             self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
         write_text(folder / variation_plan.PLAN, text)

@@ -58,9 +58,9 @@ _REPORT_SHAPE = {
     **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
     "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
 }
-#: Most characters of a text from a file, and most settings that a note names.
+#: Maximum number of characters of a text from a file, and of settings that a note names.
 _MOST_TEXT_CHARACTERS, _MOST_NAMED = 40, 3
-#: Most characters of a note on the results, and most notes in the panel; the report has all.
+#: Maximum number of characters of a note on the results, and of notes in the panel; the report has all notes.
 _MOST_NOTE_CHARACTERS, _MOST_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
 _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
@@ -261,7 +261,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
-    """Which pairs of a scene an evaluation is of, in words: the user knows no ids."""
+    """The pairs of an evaluation in words, since the user does not know ids."""
     last, several = set(pairs) <= set(rendered_last), len(pairs) > 1
     if last:
         return f"Of the {format_count(len(pairs), 'pair')} rendered last" if several else "Of the pair rendered last"
@@ -316,12 +316,12 @@ def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def format_number(value: float | None, digits: int) -> str:
-    """A metric as text; a dash if it has no value."""
+    """A metric as text; a dash for a missing value."""
     return "–" if value is None else f"{value:.{digits}f}"
 
 
 def format_percent(value: float | None) -> str:
-    """A share as per cent; a dash if it has no value."""
+    """A share in per cent; a dash for a missing value."""
     return "–" if value is None else f"{100 * value:.1f} %"
 
 
@@ -409,7 +409,7 @@ def show_error_image(context: bpy.types.Context, open_window: bool, method: str 
 
 
 def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None) -> bool:
-    """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
+    """Load images and show the first in an Image Editor, as an undo step; False if there is no Image Editor.
 
     For ``open_window`` see ``image_editor.show_in_editor``. ``names`` are names of images in the editor, in place of
     the names of their files.

@@ -16,7 +16,7 @@ from .jobs import Job
 from .window_areas import redraw_panels
 from .window_events import make_registration
 
-#: Square roots of the numbers of vertices of the ground that follows a slider.
+#: Numbers of vertices per side of the ground that follows a slider.
 SIDES: tuple[int, ...] = (97, 129, 193, 257)
 
 
@@ -43,19 +43,19 @@ class Exported:
 class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
 
-    job: Job | None = None  # which the sidebar shows
+    job: Job | None = None  # the job that the sidebar shows
     ended: str = ""  # how the last such job ended
-    reading: Job | None = None  # of the pair that is shown next
+    reading: Job | None = None  # reads the pair that is shown next
     shown: ShownPair | None = None
-    developing: Job | None = None  # of the camera images that Image Editors show
+    developing: Job | None = None  # develops the camera images that Image Editors show
     to_develop: set[str] = field(default_factory=set)  # scenes
-    development_notes: list[str] = field(default_factory=list)  # warnings of the last one, or why it failed
+    development_notes: list[str] = field(default_factory=list)  # warnings of the last development, or why it failed
     exported: Exported | None = None
-    meshing: Job | None = None  # of the ground at full resolution
-    meshed_settings: Settings | None = None  # of that ground
-    tracing: Job | None = None  # of the shadow in a view
+    meshing: Job | None = None  # builds the ground at full resolution
+    meshed_settings: Settings | None = None  # the settings of that ground
+    tracing: Job | None = None  # traces the shadow in a view
     to_trace: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose shadow will be traced
-    shadow_notes: dict[int, str] = field(default_factory=dict)  # of dark views, by ``session_uid``
+    shadow_notes: dict[int, str] = field(default_factory=dict)  # notes on dark views, by ``session_uid``
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
     preview_side: int = SIDES[1]
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
@@ -64,8 +64,8 @@ class Session:
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))
     views_before: dict[int, dict[str, Any]] = field(default_factory=dict)  # 3D Views before they showed a built scene
     views_left: set[tuple[int, int]] = field(default_factory=set)  # views that a built scene left, and its session_uid
-    shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # of 3D Views before they showed colours
-    #: The views that show colours no more because undo or a button took the errors away; whether they were in Solid
+    shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # 3D Views before they showed colours
+    #: The views that no longer show colours, because undo or a button removed the errors, and whether they had Solid
     #: shading.
     colours_left: dict[int, bool] = field(default_factory=dict)
     #: The shading and the overlays of 3D Views before a mask was painted in them.

@@ -41,11 +41,11 @@ from .window_events import call_later, cancel_call, make_registration
 REST_S = 0.4
 #: Share of the ground in view that the Sun must reach; below it the view counts as dark.
 LEAST_LIT = 0.05
-#: Pixels of the traced image across, and azimuths of the Sun among which the best is advised.
+#: Width of the traced image in pixels, and number of the Sun's azimuths among which the best is advised.
 _COLUMNS, _AZIMUTHS = 24, 24
 _NEAR_M = 1e-3
 _EFFECTS = {"geometry", "light", "camera"}
-#: Most objects of the user that are compared with the camera at each redraw.
+#: Maximum number of the user's objects that are compared with the camera at each redraw.
 _MOST_OBJECTS = 200
 BRIEF = "View in shadow: see Light"
 
@@ -59,16 +59,16 @@ def schedule_check(scene: bpy.types.Scene | None, effects: frozenset[str] = froz
 
 
 def describe_shadow(scene: bpy.types.Scene) -> str:
-    """A sentence on the shadow in the view of a built scene and its fix; empty if the Sun lights the view, or if that
-    is not known."""
+    """A sentence on the shadow in the view of a built scene, with the fix; empty if the Sun lights the view or this is
+    unknown."""
     if scenes.find_collection(scene) is None:
         return ""
     return session.shadow_notes.get(scene.session_uid, "")
 
 
 def describe_enclosing(scene: bpy.types.Scene) -> str:
-    """A sentence on an object of the user that encloses the stereo camera, which makes the drawn view black; empty if
-    none does."""
+    """A sentence on an object of the user that encloses the stereo camera and so makes the drawn view black; empty
+    without such an object."""
     built = scenes.find_built(scene)
     if built is None:
         return ""
@@ -164,7 +164,7 @@ def _start(scene: bpy.types.Scene) -> jobs.Job | None:
     session.shadow_notes.pop(scene.session_uid, None)
     if built is None or built.terrain.mode != "OBJECT":
         return None
-    settings = description.merged(built.settings, built.preview)  # as they are shown
+    settings = description.merged(built.settings, built.preview)  # the settings that are shown
     sun = find_sun(find_light(settings))
     if sun is None or settings.light.lamps:  # lamps light the view
         return None
@@ -198,7 +198,7 @@ def _trace_next() -> float | None:
 
 
 def _check_all() -> None:
-    """After undo, redo and opening a file: each scene may have another ground or Sun."""
+    """Check all scenes after undo, redo and opening a file, since each may have another ground or Sun."""
     for scene in bpy.data.scenes:
         if scenes.find_collection(scene) is not None:
             schedule_check(scene)

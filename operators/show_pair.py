@@ -130,7 +130,7 @@ def _show_view(now: ShownPair, open_window: bool) -> None:
 
 
 def _show_in(area: bpy.types.Area) -> None:
-    """Show the image in an editor, as a step of undo. It may be gone since it was asked for."""
+    """Show the image in an editor, as a step of undo. The image may have been removed meanwhile."""
     image = find_image()
     if image is None:
         return
@@ -162,7 +162,8 @@ def _show_other_eye() -> float | None:
 class ShowsPair(WatchingOperator):
     """Mix-in: an operator that shows a pair in an Image Editor, and reads and develops it in a thread."""
 
-    #: One of VIEWS, and whether it is shown without being asked for: then in the view that is shown already.
+    #: One of VIEWS, and whether the pair is shown without a request by the user: then in the view that is shown
+    #: already.
     view: str = VIEWS[0][0]
     automatic: bool = False
     _found: ShownPair

@@ -114,7 +114,7 @@ def measure_line_length() -> int:
 def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
     """A text in lines that fit the sidebar, shorter ones beside an icon.
 
-    Later lines begin with ``hang``, or a little further in than a first line that is indented.
+    Later lines begin with ``hang``. If the first line is indented, they are indented a little more.
     """
     width = measure_line_length() - _ICON_CHARACTERS * icon
     if len(text) <= width:
@@ -141,8 +141,8 @@ def list_omission_lines(settings: Settings) -> tuple[str, ...]:
 
 
 def find_light(settings: Settings) -> LightSettings:
-    """The light settings over the site of a map where the settings ask for its sky, azimuths then being from true
-    north; those of the settings where they do not, or if the map cannot be read."""
+    """The light settings. If they ask for the sky over the site of a map that can be read, they are those of the site,
+    with azimuths from true north."""
     if not uses_sky_of_site(settings):
         return settings.light
     found = _find_sky_place(tuple(settings.source.items()), settings.terrain.body_radius_m, bpy.data.filepath)
@@ -150,7 +150,7 @@ def find_light(settings: Settings) -> LightSettings:
 
 
 def _list_sky_items(light: LightSettings) -> tuple[tuple[str, Any], ...]:
-    """The settings that the sky depends on, which can be the key of a cache: all but the list of lamps."""
+    """The settings on which the sky depends, as the key of a cache: all except the list of lamps."""
     return tuple((key, value) for key, value in light.items() if key != "lamps")
 
 
@@ -226,8 +226,8 @@ def _describe_overscan(needed: float | None, given: float) -> str:
 
 
 def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
-    """Irradiance from Sun and planet, in W/m², of ground that is tilted so far toward the Sun; 0 in the dark or if the
-    sky cannot be computed."""
+    """Irradiance in W/m² from Sun and planet on ground that is tilted toward the Sun by ``slope_deg``; 0 in the dark or
+    if the sky cannot be computed."""
     try:
         found = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)
     except IcyMoonError:
@@ -248,7 +248,8 @@ def find_sun(light: LightSettings) -> dict[str, Any] | None:
 
 
 def compute_planetshine_wm2(light: LightSettings) -> float:
-    """Irradiance from the planet, in W/m², of ground that faces it; 0 without one or if the sky cannot be computed."""
+    """Irradiance in W/m² from the planet on ground that faces it; 0 without a planet or if the sky cannot be
+    computed."""
     try:
         planet = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)["planet"]
     except IcyMoonError:
@@ -337,7 +338,7 @@ _list_qualities = remember_answers(list_qualities)
 
 
 def describe_speed(settings: Settings) -> str:
-    """The machine that the estimated seconds are for."""
+    """A text on the machine for which the seconds are estimated."""
     speed = recall_known_speed(str(settings.quality.device))
     return f"Timed on {speed.basis}" if speed else "Timed on another machine"
 

@@ -38,7 +38,8 @@ def _find_folder(settings: Settings) -> Path:
 
 
 def _start_measuring(context: bpy.types.Context, verb: str, title: str, *arguments: str) -> jobs.Job:
-    """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
+    """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot
+    start."""
     settings = make_paths_absolute(scene_properties.read_settings(context.scene.icymoon))
     built = find_built(context.scene)
     if built is not None and built.edited:

@@ -14,7 +14,7 @@ from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, read_record
 from ..support.files import hash_file, write_json
 
-#: Most checksums in the file, the newest last.
+#: Maximum number of checksums in the file, the newest last.
 _MOST_CHECKSUMS = 500
 #: Checksums of this session, in case the cache folder is not writable.
 _session: set[str] = set()

@@ -1,8 +1,9 @@
 """Jobs whose operators get no more events from Blender: a timer looks at them instead, so that no job runs for ever.
 
 Blender drops a modal operator that raises an exception, without calling its ``cancel`` (seen in 4.3 and 5.2), so
-``WatchingOperator`` lets none out. The events of a timer continue through undo, redo, another workspace and a closed
-area, and Blender cancels the operators of a closed window or file. This is for faults that are not known yet.
+``WatchingOperator`` lets no exception out. The events of a timer continue through undo, redo, another workspace and a
+closed area, and Blender cancels the operators of a closed window or file. This timer is for faults that are not known
+yet.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ _watches: list[Watch] = []
 
 
 def watch(operator: Any, job: Job) -> Watch:
-    """Look after the job of an operator that has begun to wait for events."""
+    """Watch the job of an operator that has begun to wait for events."""
     found = Watch(operator, job)
     _watches.append(found)
     call_later(_look_after_jobs, INTERVAL_S)
@@ -52,7 +53,7 @@ def watch(operator: Any, job: Job) -> Watch:
 
 
 def close_job(job: Job) -> None:
-    """Stop a job, and let others start."""
+    """Stop a job, so that other jobs can start."""
     for name in ("job", "reading", "developing", "meshing"):
         if getattr(session, name) is job:
             setattr(session, name, None)

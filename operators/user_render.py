@@ -43,8 +43,8 @@ _RENDERED_TYPES = (
 )
 #: The setting that decides which looks exist, so it is restored first.
 _FIRST_RESTORED = "view_settings.view_transform"
-#: Most light paths per pixel of a 3D View. With Blender's 1024, a view without a graphics card would use all processors
-#: for minutes, and slow down the render of a pair.
+#: Maximum number of light paths per pixel of a 3D View. With Blender's 1024, a view without a graphics card would use
+#: all processors for minutes, and slow down the render of a pair.
 _VIEW_SAMPLES = 64
 #: A value before and after its change.
 _TWO_VALUES = Kind("two values", lambda value: isinstance(value, list) and len(value) == 2)
@@ -52,9 +52,9 @@ _VALUE_TYPES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
 def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
-    """Let F12 render the image of a pair: Cycles with the quality of the scene, without the user's other objects.
+    """Make F12 render the image of a pair: by Cycles with the quality of the scene, without the user's other objects.
 
-    It is done once after Clear Scene, so later choices of the user stay.
+    The function acts once after Clear Scene, so later choices of the user stay.
     """
     if NOTE in built.collection:
         return
@@ -69,10 +69,10 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     )
     scene.cycles.shading_system = uses_osl
     scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
-    if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
+    if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 would never end
         scene.cycles.preview_samples = _VIEW_SAMPLES
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
-    with suppress(TypeError):  # the user's own color management may not have it
+    with suppress(TypeError):  # the user's own color management may lack this view transform
         scene.view_settings.view_transform = TRANSFORM
     after = _read_values(scene)
     changed = {name: [value, after[name]] for name, value in before.items() if after[name] != value}

@@ -14,7 +14,7 @@ from . import results
 
 
 def sort_curves(scene: bpy.types.Scene) -> dict[str, Path]:
-    """The pictures of the error against each setting of an evaluation that varies, those in the list first."""
+    """The pictures of the error against each setting that varies in an evaluation. Settings in the list come first."""
     curves = results.find_curves(scene)
     listed = [each.name for each in scene_properties.read_variations(scene.icymoon).varied]
     return {name: curves[name] for name in sorted(curves, key=lambda name: name not in listed)}

@@ -30,14 +30,14 @@ from .job_operators import JobOperator
 from .window_areas import ButtonPictures, redraw_panels
 from .window_events import keep_until_change
 
-#: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a
-#: picture 100 px wide, so that fewer columns leave more paths for each in the same seconds.
+#: Maximum number of columns or rows of a picture, and light paths per pixel, with and without a denoiser. The sidebar
+#: shows a picture only 100 px wide, so few columns are enough and leave time for more paths per pixel.
 SIDE_PX, SAMPLES = (128, 96), (8, 48)
 #: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
 _WALK_PX = 1.0
-#: Most scenes whose pictures of both ends are kept.
+#: Maximum number of scenes whose pictures of both ends are kept.
 _MOST_SCENES = 32
-#: Most vertices of the ground of a picture.
+#: Maximum number of vertices of the ground of a picture.
 _MOST_VERTICES = 20000
 _pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown

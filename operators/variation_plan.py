@@ -26,7 +26,7 @@ from . import dialogs
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
-#: Most pairs whose ids are compared with an existing data set, which takes a second.
+#: Maximum number of pairs whose ids are compared with an existing data set; the comparison takes a second.
 _MOST_COMPARED_PAIRS = 500
 _EDITED_MESSAGE = (
     "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
@@ -35,7 +35,7 @@ _EDITED_MESSAGE = (
 
 
 def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
-    """Why the pairs of a plan would not show the scene, in a sentence; empty if they would.
+    """A sentence on why the pairs of a plan would not show the scene; empty if they would show it.
 
     Only a ``thorough`` look finds edits of built objects; it reads all meshes.
     """
@@ -71,7 +71,7 @@ def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
 
 
 def find_folder_fault(folder: Path, text: str) -> str:
-    """Why a plan cannot be rendered into a folder, in a sentence; empty if it can.
+    """A sentence on why a plan cannot be rendered into a folder; empty if it can.
 
     A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
     pairs.

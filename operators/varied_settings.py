@@ -140,7 +140,8 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
             self.layout.column().prop(self, "values")
 
     def _complete(self, root: bpy.types.PropertyGroup) -> None:
-        """Fill in the fields that the caller did not give: from the list, or else with values about the present one."""
+        """Fill in the fields that the caller did not give: from the list, or else with values around the present
+        value."""
         there = next(
             (each for each in scene_properties.read_variations(root).varied if each.name == self.setting), None
         )
@@ -179,7 +180,7 @@ def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: 
 
 @lru_cache(maxsize=256)
 def describe_varied(varied: VariedSetting) -> str:
-    """A line of the list: the setting and its values."""
+    """The text of a line of the list: the setting and its values."""
     try:
         setting = check_varied(varied)
     except IcyMoonError:

@@ -1,10 +1,10 @@
-"""The exposure of the view: as the camera response exposes a pair, so that the view is as bright as its images.
+"""Exposes the view as the camera response exposes a pair, so that the view is as bright as the pair's images.
 
 The images show numbers of the camera that are proportional to the light, as Blender's view transform *Raw* shows it.
 The exposure time of auto exposure depends on the image, so it is estimated until a pair was rendered.
 
-Cycles asks one light for each light path, all as often. So half of the pixels of its first picture are black where a
-planet shines too, however faint. Views are without planetshine that nobody could see in them; renders have it.
+Cycles samples one light for each light path, all lights equally often. So a planet, however faint, makes half of the
+pixels of its first picture black. Views leave out planetshine that is too faint to see; renders include it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def estimate_white(settings: Settings, measured: float = 1.0) -> float:
 
 
 def _estimate_brightest(settings: Settings) -> float:
-    """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
+    """Approximate radiance, W/(m² sr), of the ground's brightest hundredth."""
     walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
     wm2 = sidebar_text.compute_brightness_wm2(
         sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST_FACTOR * settings.terrain.rms_slope_deg
@@ -73,7 +73,7 @@ def _find_albedo(settings: Settings) -> float:
 
 
 def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> None:
-    """Expose the view of a built scene as a pair with these settings would be, and the present camera response.
+    """Expose the view of a built scene as a pair with these settings and the present camera response.
 
     An exposure that the user has set stays, unless ``anew``.
     """
@@ -84,7 +84,7 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
         _show_planetshine(collection, True)
         return
     present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
-    stored = collection.get(MEASURED)  # of a file, which anyone may have written
+    stored = collection.get(MEASURED)  # the value is from a file, which anyone may have written
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = estimate_white(merged(settings, present), measured)
     if white > 0:
@@ -146,7 +146,7 @@ def describe_exposure(scene: bpy.types.Scene) -> str:
 
 
 def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Follow the camera response; all else is followed where the scene is shown."""
+    """Expose the view again when the camera response changes. Other changes are handled where the scene is shown."""
     if scene is not None and "response" in effects and (built := scenes.find_built(scene)) is not None:
         expose_view(scene, merged(built.settings, built.preview))
 

@@ -1,8 +1,8 @@
 """The resolution of the lit view of a built scene: coarse first, so that the scene is soon seen, then the user's.
 
 After its first picture, of an eighth of the columns, Cycles shows nothing new until a light path was traced for every
-pixel. On two processors without a graphics card this takes up to a minute. Meanwhile the pixels of the view are
-twice as wide. When it rests, it gets the user's pixels if their first picture takes little time.
+pixel. On two processors without a graphics card this takes up to a minute. Meanwhile the pixels of the view are twice
+as wide. When the view rests, it gets the user's pixel size if the first picture with it takes little time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .window_events import call_later, make_registration
 
 #: Screen pixels along a side of a pixel of the view.
 _LARGE_PIXELS = "2"
-#: Property of the built collection: the user's choice, and the choice that replaced it.
+#: Property of the built collection: the user's choice of the pixel size, and the choice that replaced it.
 _CHOICE_PROPERTY = "icymoon_view_pixels"
 #: Seconds that the first picture with the user's pixels may take, in which only its coarse beginning is seen.
 _LONGEST_S = 2.0
@@ -58,7 +58,7 @@ def restore_resolution(scene: bpy.types.Scene, collection: bpy.types.Collection)
     """Give the view the user's pixels back, unless the user has chosen others since."""
     users, ours = _read_noted_choices(collection)
     if ours and scene.render.preview_pixel_size == ours:
-        with suppress(TypeError):  # of a file, which anyone may have written
+        with suppress(TypeError):  # the value is from a file, which anyone may have written
             scene.render.preview_pixel_size = users
     collection.pop(_CHOICE_PROPERTY, None)
 
@@ -74,7 +74,7 @@ def is_coarse(scene: bpy.types.Scene) -> bool:
 
 
 def _read_noted_choices(collection: bpy.types.Collection) -> tuple[str, str]:
-    """The user's choice and the choice that replaced it; empty if none did."""
+    """The user's choice and the choice that replaced it; empty if it was not replaced."""
     users, _, ours = str(collection.get(_CHOICE_PROPERTY, "")).partition(" ")
     return users, ours
 
@@ -88,7 +88,8 @@ def _is_traced(scene: bpy.types.Scene) -> bool:
 
 
 def _refine_resting_view() -> float | None:
-    """Give a view that rests the user's pixels, if they take little time. The timer calls it until the view rests."""
+    """Give a resting view the user's pixel size, if this takes little time. The timer calls this until the view
+    rests."""
     waiting = [scene for scene in bpy.data.scenes if is_coarse(scene)]
     traced = [scene for scene in waiting if _is_traced(scene)]
     before, now = session.load_measured_s, (time.monotonic(), time.process_time())
@@ -108,7 +109,7 @@ def _refine_resting_view() -> float | None:
 
 
 def _resume_refining() -> None:
-    """Undo, redo and opening a file may show larger pixels again."""
+    """Start refining again, since undo, redo and opening a file may show larger pixels."""
     for scene in bpy.data.scenes if has_window() else ():
         if is_coarse(scene):
             begin_coarse(scene)

@@ -11,7 +11,8 @@ import bpy.utils.previews
 
 
 def find_scene(uid: int) -> bpy.types.Scene | None:
-    """The scene with a ``session_uid``, if it exists still: the user may rename or delete it, and undo moves it."""
+    """The scene with a ``session_uid``, if it still exists. The user may rename or delete a scene, and undo moves it in
+    memory."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
@@ -48,13 +49,13 @@ def redraw_panels() -> None:
 
 @contextmanager
 def pause_rendered_views() -> Iterator[None]:
-    """No view is rendered within the ``with`` block.
+    """Pause the rendering of all views within the ``with`` block.
 
     To evaluate any scene, Blender lets the renderer of each rendered view read that view's scene. In the middle of a
     build this scene is not evaluated: Cycles then reads freed meshes, and Blender crashes.
 
-    The live preview needs no pause, which would start the renderer again at each step of a slider: it evaluates nothing
-    until its change is complete.
+    The live preview needs no pause, because it evaluates nothing until its change is complete. A pause would restart
+    the renderer at each step of a slider.
     """
     shadings = [area.spaces.active.shading for _, area in list_areas("VIEW_3D")]
     rendered = [shading for shading in shadings if shading.type == "RENDERED"]
@@ -84,7 +85,7 @@ class ButtonPictures:
 
     @cached_property
     def collection(self) -> bpy.utils.previews.ImagePreviewCollection:
-        """The collection, by the names of its pictures."""
+        """The collection of pictures by their names."""
         return bpy.utils.previews.new()
 
     def remove(self) -> None:

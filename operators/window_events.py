@@ -57,22 +57,22 @@ def _persistent(function: Function) -> Callable[..., None]:
 
 
 def call_later(function: Function, seconds: float = 0.0) -> None:
-    """Let Blender call a function after some seconds, and again after the seconds that it returns.
-
-    Does nothing if that will happen already.
+    """Let Blender call a function after some seconds, and again after the seconds that it returns. Does nothing if the
+    call is scheduled already.
     """
     if not bpy.app.timers.is_registered(function):
         bpy.app.timers.register(function, first_interval=seconds)
 
 
 def cancel_call(function: Function) -> None:
-    """Do not call the function of ``call_later`` any more."""
+    """Cancel the scheduled calls of a function by ``call_later``."""
     if bpy.app.timers.is_registered(function):
         bpy.app.timers.unregister(function)
 
 
 def keep_until_change(key: Hashable, make: Callable[[], _T]) -> _T:
-    """The value of ``make``, which is called once for a key until a setting changes, undo, redo, or another file."""
+    """The value of ``make``, which is called once for each ``key``. The value is kept until a setting changes, undo,
+    redo, or another file is opened."""
     if key not in _known:
         _known[key] = make()
     found: _T = _known[key]

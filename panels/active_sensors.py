@@ -10,7 +10,7 @@ from .fields import draw_lines, draw_sentence, draw_start
 from .sidebar import FIRST, Sidebar
 from .topics import TOPICS
 
-#: The panel follows the one of the cameras' response.
+#: The panel follows the panel of the cameras' response.
 _ORDER = FIRST + list(TOPICS).index("sensor")
 
 
@@ -50,7 +50,7 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
         for key in ("rows", "columns", "detector", "ice"):
             column.prop(group, key)
         column = layout.column()
-        column.active = group.detector  # a waveform is what a detector receives
+        column.active = group.detector  # only a detector receives a waveform
         column.prop(group, "waveforms")
         column = layout.column(align=True)
         column.operator("icymoon.show_beams", icon="LIGHT_SPOT")

@@ -19,9 +19,9 @@ def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     shown, meanings = painted_decisions.find_shown_map(scene), painted_decisions.make_legend(scene)
     for method in list_decided_methods(scene):
         layout.separator(factor=0.5)
-        column = layout.column(align=True)  # no box: its text has too little contrast in the light theme
+        column = layout.column(align=True)  # no box, because text in a box has too little contrast in the light theme
         name = describe_method(method)
-        column.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here
+        column.label(text=name[:1].upper() + name[1:])  # "true depth" begins with a capital letter as a title
         buttons = column.row(align=True)
         for kind, text, _ in MAPS:
             button = buttons.operator("icymoon.paint_decisions", text=text, depress=shown == (name, kind))
@@ -29,7 +29,7 @@ def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         if shown[0] == name:
             _draw_legend(column, meanings)
             meanings = ()
-    if meanings:  # a matcher whose decisions were removed
+    if meanings:  # the decisions of this matcher were removed
         _draw_legend(layout.column(align=True), meanings)
 
 

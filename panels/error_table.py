@@ -22,7 +22,7 @@ _NAME_SHARE = 0.62
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it.
 
-    They are not in boxes, whose text has too little contrast in the light theme.
+    The matchers are not in boxes, because text in a box has too little contrast in the light theme.
     """
     for row in rows:
         layout.separator(factor=0.5)
@@ -85,7 +85,7 @@ def _list_other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
-    """Draw a name, and its value at the right of the line: below each other, values of one unit are aligned."""
+    """Draw a name, and its value at the right of the line, so that values below each other are aligned."""
     line = column.split(factor=_NAME_SHARE)
     line.label(text=name)
     right = line.row()
@@ -95,7 +95,7 @@ def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
 
 def _draw_buttons(column: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
-    buttons = column.column(align=True)  # beside each other, words with a verb would be cut
+    buttons = column.column(align=True)  # in one row, words with a verb would be cut
 
     def draw_part(methods: Collection[str]) -> bpy.types.UILayout:
         part = buttons.row(align=True)

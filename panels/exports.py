@@ -1,4 +1,4 @@
-"""The button of Export Pair or Data Set, and what came of the last export."""
+"""The button of Export Pair or Data Set, and the outcome of the last export."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import bpy
 from ..operators.session import session
 from .fields import draw_lines, draw_start
 
-#: Most sentences on an export in the sidebar; the Info editor has all.
+#: Maximum number of sentences on an export in the sidebar; the Info editor has all sentences.
 _MOST_SENTENCES = 3
 
 

@@ -26,7 +26,7 @@ _ICON_CHARACTERS = 4
 
 
 class _Field(NamedTuple):
-    """How a setting that the present choices use is drawn."""
+    """How to draw the field of a setting that the present choices use."""
 
     setting: Setting
     has_effect: bool
@@ -43,7 +43,7 @@ class _Found:
 def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
     """The settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
 
-    Found once for the same settings, since the window asks at every redraw.
+    The fields are found once for the same settings, since the window asks at every redraw.
     """
     settings = scene_properties.read_for_display(root)
     if _Found.settings is not settings:
@@ -82,7 +82,7 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
     Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey
     after the end of the job until the mouse leaves it. A button of another operator is a new one.
 
-    Where the sidebar is too narrow for both, it has the words without the icon.
+    If the sidebar is too narrow for icon and words, the button has only the words.
     """
     icon = icon if len(text) <= measure_line_length() - _ICON_CHARACTERS else "NONE"
     if session.job is not None:
@@ -99,8 +99,8 @@ def draw_lines(
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
     begins with ``hang``.
 
-    The text takes at least as many lines as the text ``room_for``, so that what is below stays in its place while the
-    text changes.
+    The text takes at least as many lines as the text ``room_for``, so that fields below stay in place while the text
+    changes.
     """
     column, has_icon = layout.column(align=True), icon != "NONE"
     drawn = [part for each in lines for part in wrap_lines(each, hang, has_icon)]
@@ -117,8 +117,8 @@ def draw_sentence(
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
-    """Draw a setting's field, with a split where Blender would leave too little room for the label. In a narrow sidebar
-    a label that would be cut has a line of its own."""
+    """Draw a setting's field. The field is split if Blender would leave too little room for the label. In a narrow
+    sidebar, a label that would be cut gets a separate line."""
     label = find_shown_label(group, setting)
     if needs_label_line(setting, label):
         column = layout.column(align=True)
@@ -228,6 +228,6 @@ def _draw_list(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
 
 
 def list_entry_fields(setting: Setting, entry: object, section: Section | None) -> list[Setting]:
-    """The settings of an entry of a list that its present choices use, in a section or outside of all."""
+    """The settings of a list's ``entry`` that its present choices use, in a ``section`` or outside all sections."""
     scope = SimpleNamespace(entry=entry)
     return [each for each in setting.entries if each.section == section and each.shown(scope, "entry")]

@@ -1,4 +1,4 @@
-"""Find Setting: a field in which words are typed, and the settings that have them, to be changed on the spot."""
+"""Find Setting: a field for typed words, and the settings that have these words, which can be changed there."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..settings.table import TOPICS, list_all_settings
 from ..settings.topics.scene import Settings
 from .fields import draw_field, draw_lines
 
-#: Property of the window manager, which is not saved: the typed words.
+#: Property of the window manager for the typed words; it is not saved.
 TYPED = "icymoon_sought"
-#: Most settings that are drawn.
+#: Maximum number of settings that are drawn.
 MOST_FOUND = 12
 _POPUP_WIDTH_PX = 420
 #: (name, text, tooltip) of all settings for Blender's search, which follows the typing. Blender keeps no copy of them.
@@ -25,7 +25,7 @@ _ITEMS = [
 
 
 def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
-    """Why a setting has no effect with the present settings; empty if it has."""
+    """A text on why a setting has no effect with the present settings; empty if it has an effect."""
     deciding = TOPICS[topic].list_obstacles(key, settings)
     if deciding is None:
         return ""
@@ -40,7 +40,7 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
 
 
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the field for words, and the settings that have them."""
+    """Draw the field for words, and the settings that have these words."""
     row, typed = layout.row(align=True), getattr(context.window_manager, TYPED)
     row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting")
     if not typed.strip():
@@ -115,5 +115,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove them."""
+    """Remove the typed words from the window manager."""
     delattr(bpy.types.WindowManager, TYPED)

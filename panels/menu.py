@@ -249,7 +249,7 @@ def _draw_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def _draw_assets(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Beside the menus of the Asset Browser, until there is our library."""
+    """Draw a button beside the menus of the Asset Browser, until the asset library exists."""
     if not find_asset_libraries():
         draw_start(self.layout, "icymoon.make_asset_library", "Make Asset Library of Icy Moon")
 
@@ -285,7 +285,7 @@ def _append_to_status_bar() -> None:
     header.append(_draw_status)
     if stored is not None:
         setattr(header, _ORIGINAL_DRAW, header.draw)
-        header.draw = header.draw if shown is stored else shown  # a text that is shown just now
+        header.draw = header.draw if shown is stored else shown  # keep a text that is shown now
 
 
 def _remove_from_status_bar() -> None:

@@ -13,14 +13,14 @@ from .exports import draw_export
 from .fields import draw_lines
 
 _BUTTON_COLUMNS = 3
-#: As long as the lines about the pair without warnings.
+#: A text as long as the lines about a pair without warnings.
 _ROOM = "1.23 ms, none saturated; depth 1.2 to 45 m"
 
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown.
 
-    They are there from the build on, grey without a pair: what is below must not move when a render ends.
+    The buttons exist from the build on and are grey without a pair, so that nothing below moves when a render ends.
     """
     pairs = show_pair.find_kept_pairs(scene)
     if not pairs and find_collection(scene) is None:
@@ -71,5 +71,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them out again."""
+    """Remove the views from the header of the Image Editor."""
     bpy.types.IMAGE_HT_header.remove(_draw_header)

@@ -11,7 +11,7 @@ from ..operators.presets import OWN, find_picture, is_changed, list_preset_items
 from ..operators.window_areas import ButtonPictures
 from ..settings.preset_files import find_preview, is_whole_scene
 
-#: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
+#: Property of the window manager for the scene preset whose picture the sidebar shows; it is not saved.
 CHOICE = "icymoon_scene_preset"
 _NO_CHOICE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
 _SHOWN_KINDS = ("gallery", "scenes", "own")  # landscapes first

@@ -1,4 +1,5 @@
-"""The panel Recent Pairs: those of the data set folder that were rendered last, with pictures. A click shows one."""
+"""The panel Recent Pairs: pictures of the pairs of the data set folder that were rendered last. A click shows the
+pair."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """From the build on: a header that appears at the end of a render would move the panels below it."""
+        """Whether the scene is built or has pairs. A header that appears only after a render would move the panels
+        below it."""
         return find_collection(context.scene) is not None or bool(recent_pairs.list_recent(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:

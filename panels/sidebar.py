@@ -38,12 +38,12 @@ from .find_setting import draw_search
 from .pair_views import draw_pair
 from .view_line import LONGEST, describe_view
 
-#: ``bl_order`` of the topics' panels: from the first of these to before the second.
+#: ``bl_order`` of the topics' panels: from the first number to below the second.
 FIRST, LAST = 10, 1000
 
 
-#: Characters that the icons of a header take beside the title, in a panel and in a panel within another one; and
-#: those of the icon of a menu.
+#: Characters that the icons of a header take beside the title, in a panel and in a panel within another panel, and that
+#: the icon of a menu takes.
 _HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 12, 3
 
 
@@ -69,7 +69,7 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-#: About the longest status of a built scene.
+#: A text about as long as the longest status of a built scene.
 _STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
 #: Share of the line of the progress that the bar takes, beside the button that stops the job.
 _BAR_SHARE = 0.76
@@ -78,7 +78,7 @@ _BAR_SHARE = 0.76
 def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw the progress of the running job, with a button that stops it; or how the last job ended, and the next step.
 
-    It takes two lines in any case: what is below must not move under the mouse when a job begins or ends.
+    The drawing always takes two lines, so that nothing below moves under the mouse when a job begins or ends.
     """
     job, column = session.job, layout.column(align=True)
     if job is None:
@@ -170,7 +170,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
-        # Below the buttons, so that these are in sight of the table.
+        # The explanations are below the buttons, so that the buttons are in sight of the table.
         explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):
             told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]

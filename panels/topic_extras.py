@@ -37,7 +37,7 @@ def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_taking(layout: bpy.types.UILayout, what: str) -> None:
-    """Draw the button that takes the selected object as the ground or the rock, shortly in a narrow sidebar."""
+    """Draw the button that uses the selected object as the ground or the rock, with fewer words in a narrow sidebar."""
     long = f"Use Selected Object as {what.title()}"
     fits = len(long) <= sidebar_text.measure_line_length() - _BUTTON_CHARACTERS
     layout.operator(f"icymoon.object_as_{what}", text=long if fits else "Use Selected Object")
@@ -48,7 +48,7 @@ def _draw_own_rock(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    column = layout.column(align=True)  # beside each other their words would not fit
+    column = layout.column(align=True)  # in one row their words would not fit
     column.operator_context = "INVOKE_DEFAULT"
     column.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
     column.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
@@ -79,8 +79,8 @@ def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the measured roughness of the ground. Values of an earlier ground stay, named as such: fields must not move
-    while the user drags a number."""
+    """Draw the measured roughness of the ground. Values of an earlier ground stay and are named as such, because fields
+    must not move while the user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.describe_ground_statistics(context.scene)
     earlier = scenes.shows_earlier_ground(context.scene, settings)
@@ -112,7 +112,7 @@ def _list_moons() -> list[tuple[str, str, object]]:
 
 
 def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Why the sky cannot be computed, below the fields that determine it."""
+    """Draw why the sky cannot be computed, below the fields that determine the sky."""
     if fault := sidebar_text.find_sky_fault(
         sidebar_text.find_light(scene_properties.read_for_display(context.scene.icymoon))
     ):
@@ -127,7 +127,8 @@ def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_development_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Warnings on the shown camera image, below the fields: these must not move while the user drags one."""
+    """Draw warnings on the shown camera image below the fields, because fields must not move while the user drags
+    one."""
     draw_lines(layout, live_exposure.list_lines(), "INFO")
 
 

@@ -32,7 +32,7 @@ class _TopicPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether it has a field, or a panel inside it has one."""
+        """Whether the panel, or a panel inside it, has a field."""
         inside = (topic for topic in TOPICS.values() if topic.inside == cls.topic.key)
         return any(
             find_fields(context.scene.icymoon, topic.key, tuple(s.key for s in topic.settings))

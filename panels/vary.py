@@ -69,7 +69,8 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 
 
 def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the pairs, time and size of the variations, and the buttons that render and save them."""
+    """Draw the number of pairs, time and size of the variations, and the buttons that render them and save their
+    plan."""
     root = context.scene.icymoon
     total, *cost = render_variations.list_lines(context.scene)
     draw_sentence(layout, total, "RENDER_RESULT" if cost else "ERROR")
@@ -132,7 +133,7 @@ def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 
 def _draw_context_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Vary… in the context menu of a setting."""
+    """Draw Vary… in the context menu of a setting."""
     name = varied_settings.find_setting_of_button(context)
     if not name:
         return
@@ -152,5 +153,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove it."""
+    """Remove Vary… from the context menu of settings."""
     bpy.types.UI_MT_button_context_menu.remove(_draw_context_menu)

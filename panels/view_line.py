@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-#: About the longest line that changes while a scene is worked on.
+#: A text about as long as the longest line that changes while the user works on a scene.
 LONGEST = "Rendered view: as the pair, but for exposure and noise, half resolution, coarse ground"
 #: Texts on the comparison with a pair, by the result of ``view_exposure.describe_exposure``.
 _COMPARISON_TEXTS = {

@@ -16,7 +16,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Check:
-    """One check: ``what`` must hold, and the ``fault``, empty if it holds."""
+    """One check: the condition ``what`` that must hold, and its ``fault``, empty if the condition holds."""
 
     what: str
     fault: str = ""

@@ -1,9 +1,10 @@
 """Finding, loading and calling the plug-ins of Icy Moon and of installed packages.
 
-A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares Icy Moon's, as the
-metadata of a package declares its own. A name from a file, a scene or a command line is only looked up among them.
-Modules in the current folder never count, however Python was started. Nothing of a plug-in is imported before it is
-used; the facts that lists show of it are literals of its module, which are read without an import.
+A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares the plug-ins of Icy
+Moon, and the metadata of a package declares the package's plug-ins. A name from a file, a scene or a command line is
+only looked up among these. Modules in the current folder never count, however Python was started. Nothing of a plug-in
+is imported before it is used; the facts that lists show of it are literals of its module, which are read without an
+import.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from ..support.errors import DiskError, IcyMoonError
 from ..support.printer import show_controls
 from ..support.version import ROOT, version
 
-#: What a plug-in adds -> the group of its entry point.
+#: The group of the entry points for each kind of plug-in.
 GROUPS = {kind: f"icymoon.{kind}s" for kind in ("matcher", "landform", "metric", "export")}
 #: The version of the interface that a plug-in states as ``ICYMOON_API``.
 API = 1
@@ -39,9 +40,9 @@ except OSError:  # the folder was removed
 
 @dataclass(frozen=True)
 class Plugin:
-    """One plug-in: ``kind`` is a key of GROUPS, ``package`` and ``version`` are pip's.
+    """One plug-in. ``kind`` is a key of GROUPS. ``package`` and ``version`` are the package's name and version for pip.
 
-    A ``built_in`` one is part of Icy Moon.
+    A ``built_in`` plug-in is part of Icy Moon.
     """
 
     kind: str
@@ -65,7 +66,7 @@ class Plugin:
 
 @dataclass(frozen=True)
 class Found:
-    """The usable plug-ins of a kind by name, Icy Moon's first, and by name a sentence on each refused one."""
+    """The usable plug-ins of a kind by name, Icy Moon's first, and a sentence on each refused plug-in, by name."""
 
     usable: Mapping[str, Plugin]
     refused: Mapping[str, str]
@@ -77,8 +78,8 @@ class Found:
 
 
 def find_installed(kind: str, taken: Collection[str] = ()) -> Found:
-    """The plug-ins of a kind. Refused are two installed ones of one name, and one with the name of one of Icy Moon's or
-    of ``taken``."""
+    """The plug-ins of a kind. Two installed plug-ins of the same name are refused, and so is a plug-in with a name in
+    ``taken`` or of a plug-in of Icy Moon."""
     ours = {plugin.name: plugin for plugin in _list_built_in() if plugin.kind == kind}
     by_name: dict[str, list[Plugin]] = {}
     plugins, damaged = _scan_packages(tuple(sys.path))
@@ -136,14 +137,14 @@ def _scan_packages(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple
         try:
             text = package.read_text("entry_points.txt") or ""
             if "icymoon." not in text:
-                continue  # without a look at its metadata, which takes a hundred times as long
+                continue  # without reading its metadata, which takes a hundred times as long
             name, version = str(package.metadata["Name"]), str(package.version)
             entries = [entry for entry in package.entry_points if entry.group in kinds and entry.module]
             licence = next(
                 (str(package.metadata[key]) for key in ("License-Expression", "License") if key in package.metadata), ""
             )
         except Exception as error:
-            if text:  # any other damaged package is not ours to report
+            if text:  # other damaged packages need no report here
                 named = show_controls(Path(str(getattr(package, "_path", "unknown"))).name)
                 fault = (
                     f"The package {named} cannot be read ({type(error).__name__}); install it again, or uninstall it."
@@ -183,7 +184,8 @@ def find_function(plugin: Plugin, loaded: object, name: str, arguments: str) -> 
 
 
 def read_fact(plugin: Plugin, name: str) -> Any:
-    """A literal that the module of a plug-in assigns to ``name``; None if it assigns none, or cannot be read."""
+    """A literal that the module of a plug-in assigns to ``name``; None if the module assigns no literal or cannot be
+    read."""
     with suppress(Exception):  # a damaged package: its import explains it
         return _read_literal(_find_source(plugin), name)
     return None
@@ -191,7 +193,7 @@ def read_fact(plugin: Plugin, name: str) -> Any:
 
 @lru_cache(maxsize=256)
 def _read_literal(source: Path, name: str) -> object:
-    """The last literal that a file assigns to ``name`` at its top; None without one."""
+    """The last literal that a file assigns to ``name`` at its top level; None without a literal."""
     text, found = source.read_text(encoding="utf-8"), None
     if f"\n{name} = " in text:  # as parsing takes a hundred times as long
         for line in ast.parse(text).body:
@@ -227,7 +229,7 @@ def explain_failures(plugin: Plugin, what: str = "failed", fix: str = "correct i
     except (IcyMoonError, DiskError, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        if plugin.built_in:  # a fault of ours, which needs its traceback
+        if plugin.built_in:  # a fault of Icy Moon, which needs its traceback
             raise
         words = show_controls(" ".join(_error_text(error).split())[:300])
         raise IcyMoonError(

@@ -21,16 +21,16 @@ from .installed import Plugin, explain_failures, find_function, find_installed, 
 
 #: Prefix of the name of a landform's table of settings; no table of ours begins with it.
 PREFIX = "landform_"
-#: The setting in such a table that states which release of the package made the landform; empty where it is off.
+#: The setting in such a table that states which release of the package made the landform; empty if the landform is off.
 RELEASE = "made_by"
-#: Units of settings, which their names end with, as ours do.
+#: Units of settings, with which the names of settings end.
 UNITS = {"_m": "m", "_deg": "deg", "_px": "px", "_share": "1", "_ratio": "1"}
 _STATED = ("default", "minimum", "maximum", "label", "doc")
 
 
 @dataclass(frozen=True)
 class Number:
-    """One setting of a landform; ``default`` is whole where the setting is."""
+    """One setting of a landform. If the setting is a whole number, ``default`` is an int."""
 
     key: str
     default: float | int
@@ -96,7 +96,7 @@ class PluginLandform:
 
 
 def describe_missing_landform(topic: str, release: str) -> str:
-    """The reason why a landform cannot be made here, and the fix, without naming where it was stated."""
+    """The reason why a landform cannot be made here, and the fix, without the place that states the landform."""
     _, faults = load_landform_plugins()
     if topic in faults:
         return f"{topic} cannot be used: {faults[topic]}"
@@ -108,13 +108,13 @@ def describe_missing_landform(topic: str, release: str) -> str:
 
 
 def hash_name(name: str) -> int:
-    """A number of 32 bits that stands for a name, so that no other plug-in changes a landform's random numbers."""
+    """A hash of a name, a number of 32 bits. It makes a landform's random numbers independent of other plug-ins."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
 
 
 @cache
 def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
-    """The landforms that can be used by the name of their table, and a sentence for each other landform."""
+    """The usable landforms by the name of their table, and a sentence for each landform that cannot be used."""
     found = find_installed("landform")
     usable: dict[str, PluginLandform] = {}
     faults = {f"{PREFIX}{name}": sentence for name, sentence in found.refused.items()}

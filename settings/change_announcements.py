@@ -1,7 +1,8 @@
 """Announces changes of settings to listeners.
 
-This module must not use Blender: Blender as a module keeps the update functions of properties to the end. If they led
-to ``bpy`` in any way, it could not be freed, and Blender 4.2 would crash when Python ends.
+This module must not use Blender, because Blender as a module keeps the update functions of properties until the end. If
+these functions referred to ``bpy`` in any way, ``bpy`` could not be freed, and Blender 4.2 would crash when Python
+ends.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from typing import Any
 COLOURS = "colours"
 #: The effect of a change of how the points of a LiDAR are shown; no setting has it.
 LIDAR_POINTS = "lidar points"
-#: Called with a scene and the effects of the settings that changed in it.
+#: A function that is called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
 
 
 @dataclass
 class _State:
-    count: int = 0  # of the changes so far
+    count: int = 0  # number of the changes so far
     held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
 
 

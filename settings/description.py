@@ -29,9 +29,9 @@ from .topics import trust_boundary
 from .topics.declaration import Parts, Setting, Value
 from .topics.scene import Settings, copy_typed_table, typed
 
-#: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.suggest_nearest``.
+#: Minimum similarity at which an error suggests a known word for an unknown word, see ``suggestions.suggest_nearest``.
 MIN_SIMILARITY = 0.4
-#: Magnitude from which on single precision rounds to infinity: its largest number and half a step.
+#: Smallest magnitude that single precision rounds to infinity: its largest number plus half a step.
 _ROUNDS_TO_INFINITY = 2.0**128 - 2.0**103
 #: Maximum number of tables that are cached while many descriptions are read.
 _MOST_CACHED_TABLES = 2000
@@ -138,10 +138,10 @@ def _check_range(setting: Setting, value: float, name: str, where: str, stored: 
 def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings:
     """Check a partial description and return it in canonical form, with present names.
 
-    Errors name ``where``: a file, ``--set``, … A description that some version has ``stored`` was valid then. So its
-    values may be outside the present range, and invalid settings with the effect "run" are left out. Raises
-    IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only the user may set
-    (see ``trust_boundary``).
+    Errors name ``where``: a file, ``--set``, … A description that some version has ``stored`` was valid for that
+    version. So its values may be outside the present range, and invalid settings with the effect "run" are left out.
+    Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only the user
+    may set (see ``trust_boundary``).
     """
     return fill_in_releases(
         typed(_join_tables(_check_table(topic, values, where, stored) for topic, values in data.items()))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from .table import TOPICS, list_all_settings
 
-#: Words that users type, and those of the settings that they mean.
+#: Words that users type, and the words of settings that they mean.
 SYNONYMS = {
     "aperture": "f-number",
     "color": "colour",
@@ -22,7 +22,7 @@ SYNONYMS = {
     "resolution": "width",
 }
 _WORD = re.compile(r"[^\W_]+")
-#: Score of a word that only contains what was typed, beside one that begins with it.
+#: Score of a word that contains the typed word but does not begin with it.
 _INSIDE = 0.5
 
 
@@ -85,7 +85,7 @@ def _score(entry: _Entry, typed: str) -> float | None:
 
 
 def _score_word(entry: _Entry, typed: str) -> float | None:
-    """The same for a word or for the words that it stands for."""
+    """The score of one typed word, or of the words that it stands for."""
     direct = _score(entry, typed)
     if direct is not None or typed not in SYNONYMS:
         return direct

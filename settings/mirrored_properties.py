@@ -1,6 +1,6 @@
-"""Properties that show another property of their group, such as with fewer decimals.
+"""Properties that show another property of their group, for example with fewer decimals.
 
-Knows no Blender, for the reason in ``change_announcements``.
+This module does not use Blender, for the reason in ``change_announcements``.
 """
 
 from __future__ import annotations

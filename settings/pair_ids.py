@@ -74,8 +74,7 @@ def make_counter() -> Counter:
     """Make a function that lists the counted values of many descriptions, as ``list_counted_values`` does, each as
     JSON.
 
-    The result for a table is kept and used for all descriptions that share the table, so do not change a table in
-    between.
+    The result for a table is kept for all descriptions that share the table, so do not change a table between calls.
     """
     columns = [
         (name, topic, key)
@@ -159,7 +158,7 @@ def find_value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Va
         and value == "REAL"
         and (topic != "surface" or not describe_mesh_relief(_make_typed_settings(settings)))
     ):
-        return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
+        return "BUMP"  # real relief that is not in the mesh renders the same pixels, and had this name before
     return value
 
 

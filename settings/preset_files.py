@@ -151,7 +151,7 @@ def find_preset(name: str) -> Path:
 
 
 def find_preview(name: str) -> Path:
-    """The picture of a shipped preset, or 'choose' for one picture of all scenes. Not every preset has a picture.
+    """The picture of a shipped preset, or 'choose' for one picture of all scenes. Some presets have no such file.
 
     The picture of a preset that describes only a part of a scene is in a folder of its kind.
     """

@@ -37,7 +37,7 @@ _MAST_SETTINGS = {
 }
 
 
-#: Settings that determine the path of a scoop if the arm's joints move it: the arm's sizes and where it stands.
+#: Settings that determine the path of a scoop if the arm's joints move it: the sizes and the place of the arm.
 _DIGGING_SETTINGS = (
     {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")}
     | {("lander", key) for key in ("kind", "file", "turn_deg")}
@@ -91,7 +91,7 @@ def select_scene(settings: Settings) -> Parts:
 
 
 def describe_mesh_relief(settings: Settings) -> str:
-    """A cache key of the fine relief and broken walls of the meshes; empty without either."""
+    """A cache key of the fine relief and broken walls of the meshes; empty without fine relief and broken walls."""
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
     relief, walls = find_fine_relief(settings), breaks_walls(settings)
@@ -147,5 +147,5 @@ def select_sampling(settings: Settings) -> Parts:
 
 
 def select_response(settings: Settings) -> Parts:
-    """The settings that need no new render: images are only developed again."""
+    """The settings after whose change images are only developed again, without a new render."""
     return _select_settings(settings, _RESPONSE)

@@ -26,7 +26,7 @@ def find_shared(descriptions: Iterable[Parts]) -> Tables:
 
 
 def _is_same(table: Mapping[str, Any], key: str, value: object) -> bool:
-    # 0.0 and -0.0 are equal, and give other ids.
+    # 0.0 and -0.0 are equal, but give different ids.
     return key in table and repr(table[key]) == repr(value)
 
 

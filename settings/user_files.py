@@ -70,13 +70,13 @@ def _list_masks(settings: Settings) -> list[tuple[str, str]]:
 
 
 def has_surroundings(settings: Settings) -> bool:
-    """Whether the ground goes on beyond the patch of a height map."""
+    """Whether the ground of a height map continues beyond the patch."""
     return bool(settings.source.kind == "HEIGHT_MAP" and settings.source.surroundings_m > 0)
 
 
 def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files that the settings use and of the recipes of stand-ins; empty if they use
-    neither.
+    """A hash of the content of the files that the settings use and of the recipes of their stand-ins; empty without
+    files and stand-ins.
 
     Raises IcyMoonError if a file cannot be read.
     """
@@ -102,8 +102,8 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: for a mesh also its buffers and its shown images; for a head the calibrations
-    that it names; all files of a folder."""
+    """The files whose content counts: a mesh with its buffers and shown images, a head with the calibrations that it
+    names, or all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]

@@ -1,8 +1,8 @@
 """The packages inside a store build of the extension, and the Python that evaluates with them.
 
-Blender unpacks the wheels of all extensions into one folder of its user's. The evaluator uses them in a process of its
-own: Blender's Python, started as a program. Inside Blender they must not be loaded, since OpenEXR's wheel and Blender's
-own OpenEXR have the same names, and writing a file crashes. Imports no Blender.
+Blender unpacks the wheels of all extensions into one folder of the user. The evaluator uses the wheels in a separate
+process: Blender's Python, started as a program. Inside Blender the wheels must not be loaded, since OpenEXR's wheel and
+Blender's own OpenEXR have the same names, and writing a file crashes. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def has_bundled_wheels(root: Path = ROOT) -> bool:
 
 def share_wheels(extensions: Path) -> None:
     """Give our child processes the folder in which Blender has unpacked the wheels. ``extensions`` is the folder of the
-    user's extensions. Does nothing in other builds than store builds."""
+    user's extensions. Does nothing in builds other than store builds."""
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     folder = extensions / ".local" / "lib" / version / "site-packages"
     if has_bundled_wheels():
@@ -44,7 +44,7 @@ def unshare_wheels() -> None:
 
 
 def find_folder() -> str:
-    """The folder of the wheels if this is Blender's Python, run as a program; else empty."""
+    """The folder of the wheels if this process is Blender's Python, run as a program; else empty."""
     prefix, _, folder = os.environ.get(WHEELS_VARIABLE, "").rpartition(os.pathsep)
     ours = prefix and os.path.realpath(prefix) == os.path.realpath(sys.prefix)
     return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""

@@ -8,7 +8,7 @@ from pathlib import Path
 from .files import parse_path
 from .system import find_cache_folder
 
-#: Environment variable that states another cache folder, for tests and for users.
+#: Environment variable for another cache folder, for tests and for users.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 class IcyMoonError(Exception):
     """One sentence: the fault, its place, and the fix.
 
-    Operators turn it into a report, the command line into a line on stderr and exit code 1;
-    anything else that is raised is a defect of ours and keeps its traceback.
+    Operators turn it into a report, the command line into a line on stderr and exit code 1; any other exception is a
+    defect of Icy Moon and keeps its traceback.
     """
 
 

@@ -32,8 +32,8 @@ class Kind:
 
 @dataclass(frozen=True)
 class Each:
-    """A table whose keys have one kind, or a list (``keys`` is None), with values of one shape. ``needed`` are required
-    keys."""
+    """A table whose keys have one kind and whose values have one shape, or a list (``keys`` is None) of such values.
+    ``needed`` are required keys."""
 
     shape: Shape
     keys: Kind | None = None
@@ -214,6 +214,6 @@ def _refuse_nul(number: int, line: bytes) -> bytes:
 
 def _read_numbers_at(cells: Sequence[bytes], places: Sequence[int]) -> list[float] | None:
     try:
-        return [float(cells[place].replace(b"_", b"?")) for place in places]  # Python takes 1_0 for 10
+        return [float(cells[place].replace(b"_", b"?")) for place in places]  # Python reads 1_0 as 10
     except (ValueError, IndexError):
         return None

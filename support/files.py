@@ -42,7 +42,8 @@ _FIX_BY_ERROR = {
     errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
 }
 _FIX_OF_OPEN_FILE = "another program has it open, or it may not be written to; close it there or choose another folder"
-#: macOS' attributes of a file on other disks and its views of folders, and Windows' pictures and views of folders.
+#: Names of files that file managers make: macOS' file attributes and folder views, and Windows' pictures and folder
+#: views.
 _FILE_MANAGER_NAMES = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
 _part_numbers = itertools.count(1)
 
@@ -87,8 +88,8 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError as opening
-    does, ValueError for other content than text, or more than ``MOST_TEXT`` bytes.
+    """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError if the file
+    cannot be read, and ValueError for content other than text or for more than ``MOST_TEXT`` bytes.
     """
     return decode_text(read_regular(path, MOST_TEXT_BYTES))
 
@@ -121,7 +122,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
 def remove_leftover_parts(folder: Path) -> None:
     """Remove the parts of files in a folder that ``find_leftover_parts`` finds."""
     for part in find_leftover_parts(folder):
-        with suppress(OSError):  # another process removes it too, or the disk refuses
+        with suppress(OSError):  # another process may remove it too, or the disk refuses
             system.remove(part)
 
 
@@ -157,8 +158,8 @@ def write_json(path: Path, data: object) -> None:
 
 
 def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
-    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content differs. Safe even
-    if another process moves the folder away and puts another in its place: the part is then in the moved folder."""
+    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content differs. This is
+    safe even if another process replaces the folder, because the part is then in the moved folder."""
 
     def write(part: Path) -> None:
         part.write_text(text, encoding="utf-8", newline="\n")
@@ -199,8 +200,8 @@ def _hash_state(path: Path, size: int, modified_ns: int) -> str:
 
 
 def read_checksum(path: Path, most: float = math.inf) -> str:
-    """Checksum of a file; empty if it cannot be read or has more than ``most`` bytes, which is reported where it is
-    used."""
+    """Checksum of a file; empty if the file cannot be read or has more than ``most`` bytes. The user of the file
+    reports this fault."""
     try:
         return hash_file(path) if path.stat().st_size <= most else ""
     except OSError:
@@ -260,7 +261,7 @@ def quote(value: object) -> str:
         return "null"
     if isinstance(value, int) and abs(value) >= _LARGEST_QUOTED_NUMBER:
         return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
-    if isinstance(value, datetime.date | datetime.time):  # a datetime is a date
+    if isinstance(value, datetime.date | datetime.time):  # a datetime is also a date
         return value.isoformat()
     if isinstance(value, Mapping):
         return "a table"

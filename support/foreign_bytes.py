@@ -52,15 +52,15 @@ _MOST_KEY_PARTS = 10
 _MOST_TOML_TABLES = 400_000
 #: Maximum number of lists and tables of a JSON text; each takes about 100 bytes of memory.
 _MOST_JSON_LISTS = 1_000_000
-#: Maximum number of its values; each takes about 40 bytes.
+#: Maximum number of values of a JSON text; each takes about 40 bytes.
 _MOST_JSON_VALUES = 5_000_000
 #: Maximum number of readings of each byte of a file; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
-#: Digits of the largest whole number of a TOML file, which a float can hold.
+#: Maximum number of digits of a whole number in a TOML file, so that a float can hold it.
 _MOST_DIGITS = 308
-#: Bits of this number.
+#: Maximum number of bits of such a number.
 _MOST_BITS = 1023
-#: A line with a larger hexadecimal number has more characters than this.
+#: A line with a larger hexadecimal number is longer than this number of characters.
 _HEX_LINE_CHARACTERS = 255
 #: Least number of bytes that are split into lines at a time.
 _LINES_STEP_BYTES = 2**16
@@ -72,7 +72,7 @@ _MOST_HEADER_BYTES = 10_000
 _XML_PART_BYTES = 256
 #: Largest list of an archive's members in bytes.
 _MOST_DIRECTORY_BYTES = 2**20
-#: Bytes of the smallest record at its end.
+#: Bytes of the smallest record at the end of an archive.
 _ARCHIVE_END_BYTES = 22
 #: Bytes that are unpacked at a time.
 _UNPACKED_STEP_BYTES = 2**18
@@ -86,11 +86,11 @@ _TEXT_MARKS = {
 
 
 class RefusedError(Exception):
-    """A valid file that cannot be used: the end of a sentence about it, with the fix and a full stop."""
+    """A valid file cannot be used. The text is the end of a sentence about the file, with the fix and a full stop."""
 
 
 class OverBudgetError(Exception):
-    """A file that needs more memory or time than its reader allows: the end of a sentence about it."""
+    """A file needs more memory or time than its reader allows. The text is the end of a sentence about the file."""
 
 
 class Budget:
@@ -117,7 +117,7 @@ class Cursor:
     """
 
     def __init__(self, data: bytes | memoryview, budget: Budget, start: int = 0) -> None:
-        # Bytes stay bytes: parts of them are taken in half the time.
+        # Bytes are not converted, because taking parts of bytes takes half the time.
         self._data = data if isinstance(data, bytes) else memoryview(data).cast("B")
         self._at, self._start = 0, start
         self.budget = budget
@@ -174,7 +174,7 @@ class Cursor:
 
     def numbers(self, kind: DTypeLike, count: int, what: str = "numbers") -> Array:
         """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
-        import numpy as np  # here only: what a bare Python lacks is reported by modules that import this one
+        import numpy as np  # only here, because modules that import this module report what a bare Python lacks
 
         dtype = np.dtype(kind)
         if dtype.hasobject:
@@ -246,7 +246,7 @@ def read(
     try:
         stream = system.retry(lambda: system.open_regular(path))
     except (OSError, ValueError) as error:
-        if isinstance(error, OSError) and error.errno == errno.EINVAL:  # a pipe, whose content may be right
+        if isinstance(error, OSError) and error.errno == errno.EINVAL:  # for example a pipe, whose content may be right
             fix = f"put a regular file in its place, or {fix}"
         raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {fix}.") from None
     with stream:
@@ -291,7 +291,7 @@ def describe_reason(error: Exception) -> str:
         return (error.strerror or type(error).__name__) + note
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
-    if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # which is no word for a user
+    if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # this name means nothing to a user
         return f"it has a number of more than {_MOST_DIGITS} digits"
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
@@ -386,7 +386,7 @@ def parse_json(text: str | bytes) -> Any:
 
 def _parse_finite(text: str) -> float:
     number = float(text)
-    if number - number:  # which is 0 for every number; a call takes as long as all else here
+    if number - number:  # this is 0 for every number; a call takes as long as the rest of this function
         raise ValueError(f"{text[:40]} is not a number")
     return number
 
@@ -413,7 +413,7 @@ def parse_toml(text: str) -> dict[str, Any]:
             f"it has {len(text) / 1e6:.0f} million characters, more than {MOST_TOML_CHARACTERS / 1e6:g}"
         )
     tables, long_lines = 0, False
-    for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
+    for number, line in enumerate(text.split("\n"), 1):  # tomllib looks up each beginning of a key
         long_lines = long_lines or len(line) > _HEX_LINE_CHARACTERS
         if "." not in line:
             continue
@@ -432,7 +432,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise
     except RecursionError:
         raise tomllib.TOMLDecodeError("it is nested too deeply") from None
-    except ValueError as error:  # a number of too many digits
+    except ValueError as error:  # a number has too many digits
         raise tomllib.TOMLDecodeError(describe_reason(error)) from None
     if long_lines:
         _refuse_long_numbers(data)
@@ -455,8 +455,8 @@ def _refuse_long_numbers(data: dict[str, Any]) -> None:
 def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
     """The root of an XML text without entities. Its elements and attributes are charged to ``budget``, if given.
 
-    Raises ValueError for a text that is no XML, and for a document type, which may define entities that unfold without
-    end or name other files.
+    Raises ValueError for a text that is not XML, and for a document type, because its entities may unfold without end
+    or name other files.
     """
     if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
         raise ValueError("it has a document type, whose entities may grow without end")
@@ -479,7 +479,7 @@ def parse_whole_numbers(text: bytes) -> Array:
 
 
 def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
-    """The ``size`` bytes that zlib packed. Raises ValueError for another number of bytes."""
+    """The ``size`` bytes that zlib packed into ``data``. Raises ValueError if they are more or fewer."""
     if budget is not None:
         budget.charge(size, "packed data")
     unpacker = zlib.decompressobj()

@@ -1,4 +1,4 @@
-"""Checks and decodes PNG files (W3C, third edition) in numpy, where neither Blender nor an image library is at hand."""
+"""Checks and decodes PNG files (W3C, third edition) in numpy, without Blender and without an image library."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 PNG_START = b"\x89PNG\r\n\x1a\n"
 #: Bits of a value by the type of the colours: grey, RGB, palette, grey and opacity, RGB and opacity.
 _BITS_BY_COLOUR_TYPE = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
-#: Values of a pixel by the type of the colours.
+#: Number of values of a pixel by the type of the colours.
 _VALUES_BY_COLOUR_TYPE = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 #: Filters of a row: the difference from the left pixel, the upper one, the mean of both, and Paeth's choice.
 _LEFT, _UP, _MEAN, _PAETH = 1, 2, 3, 4
@@ -47,8 +47,8 @@ def decode_png(foreign: ForeignBytes) -> Array:
     """The stored values (rows, columns, channels) of a whole PNG file, each divided by the largest that its bits can
     state; float32, row 0 at the top.
 
-    The memory counts in the file's budget. Raises ValueError for a damaged file, and RefusedError for a palette and for
-    interlaced rows.
+    The memory is charged to the file's budget. Raises ValueError for a damaged file, and RefusedError for a palette and
+    for interlaced rows.
     """
     import numpy as np
 

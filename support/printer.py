@@ -51,7 +51,7 @@ def open_streams() -> None:
             os.fstat(number)
         except OSError:
             handle = os.open(os.devnull, os.O_RDWR)
-            if handle != number:  # a lower one is absent too, and cannot be made
+            if handle != number:  # a stream with a lower number is absent too and cannot be made
                 os.dup2(handle, number)
                 os.close(handle)
             os.set_inheritable(number, True)
@@ -67,7 +67,7 @@ def open_streams() -> None:
 def say(text: str = "", at_once: bool = False) -> None:
     """Print a line, or several, as a result on the standard output.
 
-    Raises OSError if the system refuses it: BrokenPipeError where nobody reads any more.
+    Raises OSError if the system refuses the output, such as BrokenPipeError if its reader has ended.
     """
     _write(sys.stdout, f"{show_lines(text)}\n", at_once)
 
@@ -155,7 +155,7 @@ def print_table(
 
 
 def print_line(console: Console, *parts: str | tuple[str, str]) -> None:
-    """Print a line on a console, above its bar if it shows one; parts are as the cells of ``print_table``."""
+    """Print a line on a console, above the console's bar if there is one. Parts are like cells of ``print_table``."""
     from rich.text import Text
 
     console.print(Text.assemble(*(make_styled_text(*((part,) if isinstance(part, str) else part)) for part in parts)))
@@ -188,15 +188,15 @@ def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
             stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
         if at_once:
             stream.flush()
-    except ValueError:  # it is closed
+    except ValueError:  # the stream is closed
         return
     except OSError as error:
-        if error.errno != errno.EBADF:  # its file is closed
+        if error.errno != errno.EBADF:  # the file of the stream is closed
             raise
 
 
 class _Stream:
-    """The current standard stream, for rich. It fails as ``say`` does, or, as ``warn`` does, never."""
+    """The current standard stream, for rich. Its errors are as in ``say``, or there are none, as in ``warn``."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -208,7 +208,7 @@ class _Stream:
 
     @property
     def encoding(self) -> str:
-        """The encoding, by which rich chooses its lines."""
+        """The encoding, by which rich chooses the characters of its lines."""
         return getattr(self._stream, "encoding", None) or "utf-8"
 
     def write(self, text: str) -> int:
@@ -224,13 +224,13 @@ class _Stream:
         """Do nothing, since no text is buffered."""
 
     def isatty(self) -> bool:
-        """Whether it is a terminal."""
+        """Whether the stream is a terminal."""
         with suppress(ValueError, AttributeError):
             return bool(self._stream.isatty())
         return False
 
     def fileno(self) -> int:
-        """Its number. Raises OSError if it has none."""
+        """The number of the stream. Raises OSError if it has no number."""
         stream = self._stream
         if stream is None:
             raise OSError(errno.EBADF, "absent")

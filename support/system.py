@@ -27,12 +27,12 @@ from typing import IO, Any, TypeVar
 from .errors import IcyMoonError
 
 PLATFORM = sys.platform
-#: Errors that pass without action: of a network share, or of a call that a signal has interrupted.
+#: Temporary errors: of a network share, or of a call that a signal has interrupted.
 _TEMPORARY_ERRORS = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
 #: Waits in seconds before another attempt, 13 s in all; a share that is away for longer is a failure.
 _RETRY_WAITS_S = (0.02, 0.08, 0.3, 1.0, 3.0, 8.6)
-#: Number of these waits for a file that another program has open, 1.4 s in all. Windows has the same error for a file
-#: that may not be written to.
+#: Number of these waits for a file that another program has open, 1.4 s in all. Windows reports the same error for a
+#: write-protected file.
 _BUSY_RETRIES = 4
 #: Flag of Windows' CreateProcess, which Python names on Windows only: a new group of processes.
 _WINDOWS_NEW_GROUP = 0x200
@@ -82,7 +82,7 @@ def flush(path: Path) -> None:
     """Flush a file, or the entries of a folder, to the disk."""
     folder = path.is_dir()
     if folder and is_windows():
-        return  # there is no handle on a folder to flush
+        return  # Windows has no handle on a folder to flush
     handle = os.open(path, os.O_RDONLY if folder else os.O_RDWR)  # Windows flushes only what may be written to
     try:
         flush_handle(handle)
@@ -98,7 +98,7 @@ def flush_handle(handle: int) -> None:
     if PLATFORM == "darwin":
         import fcntl
 
-        with suppress(OSError):  # not every network drive can
+        with suppress(OSError):  # not every network drive can do this
             fcntl.fcntl(handle, getattr(fcntl, "F_FULLFSYNC"))  # noqa: B009  mypy knows it on macOS only
             return
     os.fsync(handle)
@@ -133,8 +133,7 @@ def retry(act: Callable[[], _Result]) -> _Result:
 
 def may_be_open_elsewhere(error: OSError) -> bool:
     """Whether an error may be due to another program that has the file open, such as a virus scanner or a viewer.
-
-    Windows has one error for it and for what may not be written to.
+    Windows reports the same error for write-protected files.
     """
     return is_windows() and isinstance(error, PermissionError)
 
@@ -163,7 +162,8 @@ def remove_folder(path: Path) -> None:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether the printed output has no reader any more; Windows reports an invalid argument."""
+    """Whether an error means that the reader of the printed output has ended; Windows then reports an invalid
+    argument."""
     return isinstance(error, BrokenPipeError) or (
         is_windows() and error.errno == errno.EINVAL and error.filename is None
     )
@@ -198,7 +198,7 @@ def lock_for_child(path: Path) -> IO[bytes] | None:
 
 def is_lock_held(path: Path) -> bool:
     """Whether a living process has the lock of ``lock_for_child``."""
-    if is_windows():  # locks are not inherited there, but an open file cannot be renamed
+    if is_windows():  # Windows' locks are not inherited, but an open file cannot be renamed there
         try:
             path.rename(path)
         except FileNotFoundError:
@@ -279,7 +279,7 @@ def find_cache_folder() -> Path:
 
 # Libraries
 
-#: What Blender as a module needs of a desktop, which a server or a container may lack: packages by system.
+#: Desktop packages that Blender as a module needs and that a server or a container may lack, by system.
 BLENDER_NEEDS = {
     "Debian and Ubuntu": "sudo apt install libegl1 libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 "
     "libxkbcommon0 libxrender1 libxt6 libxxf86vm1",
@@ -319,7 +319,7 @@ def find_venv_python(folder: Path) -> Path:
 
 
 def find_pythons(prefix: Path) -> list[Path]:
-    """Possible Pythons outside Blender: of the installation at ``prefix``, and on the search path."""
+    """Possible Pythons outside Blender: in the installation at ``prefix``, and on the search path."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     names = ("python", "py") if is_windows() else ("python3",)
     found = [Path(path) for name in names if (path := shutil.which(name))]
@@ -330,7 +330,7 @@ def find_pythons(prefix: Path) -> list[Path]:
 
 
 def is_python(executable: str) -> bool:
-    """Whether a program is a Python by its name; the ``py`` of Windows too."""
+    """Whether a program has a name of Python, including the ``py`` of Windows."""
     stem = Path(executable).stem.lower()
     return stem == "py" or stem.startswith("python")
 
@@ -340,7 +340,7 @@ def split_command(text: str) -> list[str]:
     words = shlex.shlex(text, posix=True)
     words.whitespace_split, words.commenters = True, ""
     if is_windows():
-        words.escape = ""  # a backslash stands in paths there
+        words.escape = ""  # Windows' paths contain backslashes
     return list(words)
 
 
@@ -417,7 +417,7 @@ def run(
     process = start(command, environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     begun = time.monotonic()
     try:
-        while True:  # Windows interrupts nobody who waits
+        while True:  # Windows does not interrupt a waiting thread
             with suppress(subprocess.TimeoutExpired):
                 said = [text.decode("utf-8", "replace") for text in process.communicate(timeout=_POLL_S)]
                 return subprocess.CompletedProcess(list(command), process.returncode, *said)
@@ -428,8 +428,8 @@ def run(
             kill_all(process)
 
 
-#: Products of matrices in programs of ours are short. The other threads of numpy's OpenBLAS would only wait, busily: a
-#: quarter of the processor time of a pair's truth. Who states the variable is obeyed.
+#: Products of matrices in our programs are short. The other threads of numpy's OpenBLAS would only wait and use a
+#: quarter of the processor time of a pair's truth. A user who states the variable overrides this value.
 _ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -445,9 +445,8 @@ def start(
 
 
 def start_dependent(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """Start a program as ``start`` does. The program calls ``stop_with_starter`` and so ends when this process ends.
-
-    Its errors go to its output.
+    """Start a program as ``start`` does. The program calls ``stop_with_starter``, so it ends when this process ends.
+    Its standard error goes to its standard output.
     """
     return start(
         command,
@@ -484,11 +483,11 @@ def _stop_environment(environment: Mapping[str, str] | None, how: str) -> dict[s
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
     """Ask a program of ``start_dependent`` to stop."""
-    with suppress(OSError):  # it has ended just now
+    with suppress(OSError):  # the process has ended just now
         if not is_windows():
             process.send_signal(signal.SIGINT)
         elif process.stdin is not None:
-            process.stdin.close()  # no signal reaches a process without our console
+            process.stdin.close()  # no signal reaches a process on another console
 
 
 def interrupt_detached(pid: int, stop: Path) -> None:
@@ -504,7 +503,7 @@ def kill_detached(pid: int) -> None:
     """End a program of ``start_detached`` at once, with all that it has started."""
     with suppress(OSError):
         if is_windows():
-            os.kill(pid, signal.SIGTERM)  # which is TerminateProcess there
+            os.kill(pid, signal.SIGTERM)  # on Windows this is TerminateProcess
         else:
             os.killpg(pid, signal.SIGKILL)
 
@@ -513,7 +512,8 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
     """End a program of ``start`` at once, with all that it has started, and wait until it is gone."""
     with suppress(OSError):
         if is_windows():
-            # By its place: Windows looks for a mere name in the current folder too, which may be anyone's.
+            # taskkill is started by its full path, because Windows looks for a mere name in the current folder too,
+            # which may be anyone's.
             taskkill = PureWindowsPath(os.environ.get("SYSTEMROOT", "C:/Windows"), "System32", "taskkill.exe")
             subprocess.run(
                 [str(taskkill), "/T", "/F", "/PID", str(process.pid)],
@@ -523,7 +523,7 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
             )
             process.kill()
         else:
-            os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it
+            os.killpg(process.pid, signal.SIGKILL)  # the group has the number of the process, and may outlive it
     process.wait()
 
 
@@ -535,7 +535,7 @@ def lower_priority() -> None:
         kernel = ctypes.WinDLL("kernel32")
         kernel.SetPriorityClass(kernel.GetCurrentProcess(), _WINDOWS_BELOW_NORMAL)
         return
-    with suppress(OSError):  # a system that refuses it is slower, no more
+    with suppress(OSError):  # a system that refuses this is only slower
         os.nice(_NICENESS_STEP)
 
 
@@ -556,13 +556,13 @@ def _end_as_told(how: str, at_once: bool) -> None:
         else:
             while not os.path.exists(how):
                 time.sleep(_POLL_S)
-    except OSError:  # there is no such input
+    except OSError:  # there is no standard input
         return
     if not at_once:
         if is_windows():
             signal.raise_signal(signal.SIGINT)
         else:
-            os.kill(os.getpid(), signal.SIGINT)  # which the main thread hears also while it waits
+            os.kill(os.getpid(), signal.SIGINT)  # the main thread receives this also while it waits
         time.sleep(_GRACE_S)
     os._exit(1)
 
@@ -576,7 +576,8 @@ def _wait_for_input_end() -> None:
     import _winapi
     import msvcrt
 
-    # A read that waits would hold up all that looks at the pipe meanwhile there, as many libraries do when loaded.
+    # On Windows, a waiting read would block everything that looks at the pipe, as many libraries do when they are
+    # loaded.
     with suppress(BrokenPipeError):
         while True:
             _winapi.PeekNamedPipe(msvcrt.get_osfhandle(0), 0)
@@ -636,7 +637,7 @@ def has_ended(pid: int, where: str) -> bool:
         return True
     except OSError:
         return False
-    try:  # a process that has ended but was not waited for yet
+    try:  # the process has ended but was not waited for yet
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] == "Z"
     except (OSError, IndexError):
         return False
@@ -645,11 +646,11 @@ def has_ended(pid: int, where: str) -> bool:
 def _is_gone_on_windows(pid: int) -> bool:
     import _winapi
 
-    try:  # os.kill with 0, which only looks elsewhere, would end it
+    try:  # on Windows, os.kill with 0 would end the process; elsewhere it only looks
         handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, pid)
     except OSError as error:
         return getattr(error, "winerror", None) == _NO_SUCH_PROCESS
-    try:  # one that has ended is still there as long as anybody has a handle on it
+    try:  # an ended process still exists as long as anybody has a handle on it
         ended = _winapi.WaitForSingleObject(handle, 0)
         return bool(ended == _winapi.WAIT_OBJECT_0)
     finally:

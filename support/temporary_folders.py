@@ -48,7 +48,7 @@ def open_scratch_folder() -> Iterator[Path]:
 @functools.cache
 def _remove_abandoned() -> None:
     for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER_PREFIX}*"):
-        with suppress(OSError, IcyMoonError):  # another user's, or not one of these
+        with suppress(OSError, IcyMoonError):  # the folder is another user's or not a scratch folder
             if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER_FILE, _OWNER_SHAPE, "delete it")):
                 system.remove_folder(folder)
 

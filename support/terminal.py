@@ -19,10 +19,10 @@ from .system import is_broken_pipe
 if TYPE_CHECKING:
     from rich.console import Console
 
-#: Seconds between lines of progress where there is no terminal.
+#: Seconds between lines of progress if there is no terminal.
 _PROGRESS_LINE_S = 15.0
 
-#: The word that help prints as the default of an option that takes all.
+#: The word that help prints as the default of an option whose default is all.
 ALL_WORD = "all"
 
 
@@ -75,7 +75,7 @@ def add_maps_option(command: argparse.ArgumentParser) -> None:
 
 
 def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
-    """Raise IcyMoonError if one of these options is less than ``least``, or is not a finite number."""
+    """Raise IcyMoonError if an option is less than ``least`` or is not a finite number."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not (math.isfinite(value) and value >= least):
@@ -132,7 +132,7 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 @contextmanager
 def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> Iterator[None]:
-    """Without a terminal, and so without a bar, print the progress every ``_PROGRESS_LINE_S`` seconds."""
+    """Without a terminal, print the progress as a line every ``_PROGRESS_LINE_S`` seconds instead of a bar."""
     if console.is_terminal:
         yield
         return
@@ -195,7 +195,7 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 def keep_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
-    """A function of messages that passes on only progress messages."""
+    """A function that passes only progress messages on to ``show``."""
     return lambda message: show(message) if message["type"] == "progress" else None
 
 
@@ -208,7 +208,7 @@ def tell_events(title: str, as_json: bool) -> AbstractContextManager[Callable[[d
 def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
     """Show a line on standard error that counts finished items, if standard error is a terminal.
 
-    Gives the function that takes the number of finished items and the number of all items.
+    Yields a function of the number of finished items and the number of all items.
     """
     try:
         yield lambda done, total: printer.rewrite_line(f"{title}: {done} of {total}")

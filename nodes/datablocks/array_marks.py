@@ -32,8 +32,8 @@ _READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
 }
 #: Prefix of the attributes by which errors are shown on the ground. They are removed before a render.
 PAINTED = "icymoon_depth_error"
-#: Attributes that are not marked: errors shown on the ground, baked light, which follows from all else, selection and
-#: hiding in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
+#: Attributes that are not marked: errors shown on the ground; baked light, which follows from the rest of the scene;
+#: selection and hiding in Edit Mode; and the edges of corners, which follow from the vertices.
 _LEFT_OUT = (
     PAINTED,
     *BAKED_ATTRIBUTES.values(),
@@ -56,7 +56,7 @@ def _draw_weights() -> Array:
 
 
 def mark_array(values: Array, indices: bool = False) -> str:
-    """A mark of an array's bytes. It need not withstand attacks, so it takes a third of the time of SHA-256.
+    """A mark of an array's bytes. The hash need not withstand attacks, so it may take a third of the time of SHA-256.
 
     It hashes the sums of the array's words with random weights, block by block. In such a sum, changes of the highest
     bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.

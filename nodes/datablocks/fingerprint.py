@@ -1,9 +1,9 @@
 """Detects whether a built scene was edited by hand.
 
 The id of a pair comes from the settings. If the user has sculpted the ground, moved the camera, edited a material or
-added a lander, the settings no longer determine the images, so the id must change. Marks (hashes) cover everything
-that a render can show. There is one for each part, so that an edit of one part does not affect the others. Everything
-that the builders did not make counts as added.
+added a lander, the settings no longer determine the images, so the id must change. Marks (hashes) cover everything that
+a render can show. Each part has its own mark, so that an edit of one part does not affect the marks of others.
+Everything that the builders did not make counts as added.
 """
 
 from __future__ import annotations
@@ -72,7 +72,8 @@ def find_instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]
 
 
 def _list_surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
-    """The materials of an object and of the objects that it instances, which count once if all have the same."""
+    """The materials of an object and of the objects that it instances. If all have the same materials, these count
+    once."""
     own, others = (
         [list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
         for items in ((item,), find_instanced_objects(item))
@@ -94,7 +95,8 @@ def _find_rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Ob
 
 @dataclass
 class Reading:
-    """Marks of the parts of a collection, why some of them cannot be marked, and whether they change with the frame."""
+    """Marks of the parts of a collection, the reasons why some parts have no mark, and whether parts change with the
+    frame."""
 
     parts: dict[str, str]
     refused: list[str]
@@ -151,7 +153,8 @@ def make_fingerprint(collection: bpy.types.Collection) -> str:
 
 
 def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
-    """Names of the parts, all or the wanted parts and roles, whose marks differ from ``known``, without "added"."""
+    """Names of the parts, among the wanted parts and roles or all, whose marks differ from ``known``. Without
+    "added"."""
     names = {part for part in now.keys() | known.keys() if is_wanted(part, wanted)} - {"added"}
     return {part for part in names if now.get(part) != known.get(part)}
 

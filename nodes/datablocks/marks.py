@@ -1,7 +1,8 @@
-"""Marks (hashes) of data-blocks: of everything in them, and in the data-blocks they refer to, that a render can show.
+"""Marks (hashes) of data-blocks and of the data-blocks that they refer to. They cover everything that a render can
+show.
 
-Marks are equal in every process that loads the file and do not depend on the names of data-blocks. Data that cannot be
-marked, because Blender stores it elsewhere or it changes by itself, is refused with a sentence.
+Marks are equal in every process that loads the file and do not depend on the names of data-blocks. Data that Blender
+stores elsewhere, or that changes by itself, cannot be marked. It is refused with a sentence.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ class BlockHasher:
     def mark(self, block: bpy.types.ID) -> str:
         """The mark of a data-block and of all data-blocks that it refers to.
 
-        A reference back to a data-block that is still being read counts as its distance, which ends circles.
+        A reference back to a data-block that is still being read counts by its distance, so that circular references
+        end.
         """
         if isinstance(block, _IGNORED_KINDS):
             return "elsewhere"
@@ -142,7 +144,8 @@ class BlockHasher:
         return _to_plain_value(value)
 
     def _read_custom(self, block: bpy.types.ID) -> list[Any]:
-        """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
+        """Custom properties, because attribute and geometry nodes read them. Groups of properties belong to other
+        add-ons and do not count."""
         values = [
             (key, block[key]) for key in sorted(set(compat.list_custom_properties(block)) - {"icymoon", "_RNA_UI"})
         ]
@@ -170,12 +173,12 @@ class BlockHasher:
             self._refuse(struct, "is read from many files; use a single one.")
         owner = struct.id_data
         file = Path(bpy.path.abspath(path, library=owner.library))
-        if file.is_dir():  # Blender has made an empty path relative
+        if file.is_dir():  # the path was empty before Blender made it relative
             return ""
         if file.is_file():
             state = file.stat()
             return _hash_file(str(file), state.st_size, state.st_mtime_ns)
-        if not isinstance(struct, bpy.types.OceanModifier):  # it names a file before the file is made
+        if not isinstance(struct, bpy.types.OceanModifier):  # the path is set before the file exists
             self.refused.append(
                 f"{file}: this file of {_name_block(owner)} does not exist; restore it or choose another."
             )
@@ -301,7 +304,7 @@ class BlockHasher:
         return [sorted(items), sorted(children)]
 
     def of_driver(self, driver: bpy.types.Driver) -> list[Any]:
-        """Refuses drivers that a render does not evaluate as the window does."""
+        """Refuse drivers whose value in a render differs from the value in the window."""
         self.changes_with_time = True
         if driver.type == "SCRIPTED" and not driver.is_simple_expression:
             self._refuse(

@@ -12,7 +12,7 @@ from ...support.arrays import Array
 def read_property(
     items: bpy.types.bpy_prop_collection, name: str, kind: DTypeLike = np.float32, width: int = 1
 ) -> Array:
-    """An array of one property, of ``width`` numbers, of all items of a collection."""
+    """An array of one property of all items of a collection; each item has ``width`` numbers."""
     values = np.empty(len(items) * width, kind)
     items.foreach_get(name, values)
     return values

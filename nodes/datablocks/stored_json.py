@@ -1,4 +1,4 @@
-"""JSON that we have stored in custom properties of a .blend file, which anyone may have changed or made."""
+"""JSON in custom properties of a .blend file. Icy Moon writes it, but anyone may have changed or made it."""
 
 from __future__ import annotations
 

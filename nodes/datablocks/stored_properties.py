@@ -1,7 +1,8 @@
 """The properties of Blender's structures that a render can show.
 
-Every property that Blender stores counts, unless it is listed here with a reason. So properties that a later Blender
-adds count without a change here. A test requires a reason for every property that does not change a fingerprint.
+Every property that Blender stores counts, unless it is listed here with a reason. So a property that a later Blender
+adds counts without a change of this list. A test requires a reason for every property that does not change a
+fingerprint.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from functools import lru_cache
 
 import bpy
 
-#: Properties that do not count, by the reason and by the RNA name of the structure. They hold for derived structures.
+#: Properties that do not count, by the reason and by the RNA name of the structure. They hold for derived structures
+#: too.
 LEFT_OUT: dict[str, dict[str, str]] = {
     "only names or lists it, and nothing refers to it by that": {
         "ID": "name name_full use_fake_user use_extra_user tag asset_data library_weak_reference is_editable "

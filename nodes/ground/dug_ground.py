@@ -31,9 +31,9 @@ from .terrain_mesh import MeshedGround, mesh_ground
 
 #: Names of attributes: depth of dug ground below the untouched surface, m, and presence of spoil.
 DEPTH, SPOIL = "icymoon_depth", "icymoon_spoil"
-#: Least thickness of spoil that covers the ground, and least change of height of a dug face, m.
+#: Minimum thickness of spoil that covers the ground, and minimum change of height of a dug face, m.
 _COVERING_SPOIL_M, _LEAST_DUG_M = 1.0e-3, 1.0e-4
-#: Numbers of cells round the patch to keep free of other vertices, tried in turn until a hole has one rim.
+#: Widths in cells of the margin round the patch without other vertices, tried in turn until the hole has one rim.
 _FREE_CELLS = (2.0, 6.0, 16.0)
 
 
@@ -51,7 +51,8 @@ class DugGround(MeshedGround):
         return self.series.site.grid
 
     def before(self, height_at: HeightAt) -> HeightAt:
-        """Heights of the untouched ground; outside the patch they are ``height_at``, from the mesh in this state."""
+        """A function for heights of the untouched ground. Outside the patch it returns ``height_at`` of the mesh in
+        this state."""
         assert self.series is not None
         series = self.series
 
@@ -61,7 +62,7 @@ class DugGround(MeshedGround):
         return heights
 
     def change_m(self, x_m: Array, y_m: Array) -> Array:
-        """How much higher the ground is in this state than untouched, in metres."""
+        """Height in metres of the ground in this state above the untouched ground; negative where it is lower."""
         assert self.series is not None
         change = self.series.at(self.state).layers.top - self.series.before_m
         return self.grid.interpolate(change, x_m, y_m, np.zeros(np.shape(x_m)))
@@ -91,7 +92,8 @@ class _Prepared:
 
 
 class _PreparedGroundCache:
-    """The ground that was prepared last. One thread at a time uses it: the window makes its fine ground in a thread."""
+    """The ground that was prepared last. One thread at a time uses it, since the window makes its fine ground in a
+    thread."""
 
     prepared: _Prepared | None = None
     lock = threading.Lock()
@@ -128,7 +130,7 @@ def _prepare_ground(
     settings = make_paths_absolute(settings)
     key = _make_ground_key(settings, mesh is mesh_ground)
     if _PreparedGroundCache.prepared is None or _PreparedGroundCache.prepared.key != key:
-        _PreparedGroundCache.prepared = None  # its memory is needed
+        _PreparedGroundCache.prepared = None  # its memory is needed now
         made = mesh(make(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
@@ -174,7 +176,8 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
 
 
 def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
-    """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
+    """Ground whose mesh has a patch with the vertices of ``grid`` at ``heights_m`` (rows, columns). The vertices of the
+    patch come last in the mesh.
 
     The triangles that meet the patch are removed, and a constrained Delaunay triangulation between the rims of the hole
     and the patch fills the gap. The triangulation adds no vertex, so no crack appears. Raises IcyMoonError if there is
@@ -218,8 +221,8 @@ def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> 
 
 
 def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
-    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner loop (k, 2); corners are numbered
-    through both loops, the outer first.
+    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner loop (k, 2). Corners are numbered
+    from the outer loop on.
     """
     points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
     edges = [
@@ -249,8 +252,8 @@ def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
 def _drop_loose_triangles(faces: Array, rims: Array) -> Array:
     """Triangles (m, 3) that are held on every side, by another triangle or by an edge (k, 2) of the rims.
 
-    Along a seam of the mesh three corners of the outer rim lie on a line, but for rounding, and a triangle without
-    area between them may count as inside.
+    Along a seam of the mesh three corners of the outer rim lie on a line. By rounding, a triangle without area between
+    them may count as inside.
     """
     many = int(faces.max()) + 1
     rim = rims[:, 0] * many + rims[:, 1]

@@ -28,13 +28,13 @@ from ...support.png_pixels import check_png
 from .import_mesh import open_scratch_scene
 
 _PNG_START, _EXR_START = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
-#: Most pixels of a PNG or EXR file, and the advice for larger ones: 4096 x 4096 take a gigabyte in Blender.
+#: Maximum number of pixels of a PNG or EXR file (4096 x 4096 take a gigabyte in Blender), and advice for larger files.
 _MOST_PIXELS, _SMALLER_ADVICE = 2**24, "cut out what is needed, or save it as GeoTIFF"
 #: Mean radius of Earth, m.
 _EARTH_RADIUS_M = 6371008.8
-#: Most bytes of an array.
+#: Maximum number of bytes of an array.
 _MOST_ARRAY_BYTES = 2**36
-#: Most channels that a sentence names.
+#: Maximum number of channels that a sentence names.
 _MOST_NAMED_CHANNELS = 8
 
 
@@ -43,10 +43,10 @@ class Heights:
     """Values (rows, columns) float64, with row 0 in the north and NaN for missing values.
 
     Their unit is metres for a GeoTIFF, otherwise the unit of the file. ``pixel_m`` (east, north) and ``corner_m``
-    (centre of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a
-    sentence. ``report`` contains other facts from the file, and ``warnings`` are for the user. ``file_shape`` is the
-    shape of the whole file. ``place`` is the position of the site on a map; then ``corner_m`` is from the site's
-    origin. ``stored`` is the type of the file's numbers.
+    (centre of the lower left pixel) are from the file. Without them they are None, and ``unplaced`` is the reason, as
+    the end of a sentence. ``report`` contains other facts from the file, and ``warnings`` are for the user.
+    ``file_shape`` is the shape of the whole file. ``place`` is the position of the site on a map; then ``corner_m`` is
+    from the site's origin. ``stored`` is the type of the file's numbers.
     """
 
     values: Array
@@ -63,11 +63,11 @@ class Heights:
 def read_heights(
     path: Path, site: Site | None = None, missing: float | None = None, body_radius_m: float = _EARTH_RADIUS_M
 ) -> Heights:
-    """Read a height map; of a large GeoTIFF only the part that the ``site`` needs.
+    """Read a height map. Of a large GeoTIFF, only the part that the ``site`` needs is read.
 
     ``missing`` is a value that means no height, in addition to the values that the file declares missing.
-    ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError if the file is missing, of
-    another kind, unreadable or too small.
+    ``body_radius_m`` is the body's radius in metres for commands that convert a file in degrees. Raises IcyMoonError if
+    the file is missing, of another kind, unreadable or too small.
     """
     start, suffix = read_start(path, body_radius_m), path.suffix.lower()
     if suffix in TIFF_SUFFIXES:

@@ -24,9 +24,9 @@ from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ...support.system import bound_memory_and_time
 
-#: Most triangles of a ground, with all copies of its meshes.
+#: Maximum number of triangles of a ground, with all copies of its meshes.
 MOST_TRIANGLES = 50_000_000
-#: Limits of an importer's memory: a multiple of the estimated cost of the mesh, and additional bytes.
+#: Memory limit of an importer: a multiple of the estimated memory of the mesh, and additional bytes.
 _MEMORY_FACTOR, _EXTRA_MEMORY_BYTES = 4, 2**31
 
 
@@ -94,7 +94,7 @@ def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
     kind = detect_kind(path)
     check_mesh(path, kind)
     memory = int(estimate_cost(path).memory_mib * 2**20)
-    # A window has no limit: the user's other work in it needs memory too.
+    # A window has no limit, because the user's other work in it needs memory too.
     limit = (
         bound_memory_and_time(_MEMORY_FACTOR * memory + _EXTRA_MEMORY_BYTES)
         if bpy.app.background

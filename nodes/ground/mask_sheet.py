@@ -1,8 +1,8 @@
 """The sheet that a user paints masks on: a grid of vertices over the patch, with a vertex group for each mask.
 
-It lies on the built ground but is a separate object, so a new build of the ground keeps it and its weights.
-A vertex is the centre of a pixel, so the weights are the mask, without interpolation. It is the user's own object:
-not rendered, and in no pair.
+It lies on the built ground but is a separate object, so a new build of the ground keeps it and its weights. Each vertex
+is the centre of a pixel, so the weights are the mask, without interpolation. The sheet is the user's own object: it is
+not rendered, and no pair depends on it.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from .heights_under import probe_heights
 SIDE = 256
 #: Custom property of the sheet.
 _MARK = "icymoon_mask_sheet"
-#: Height above the highest ground around a vertex, in distances of vertices.
+#: Height above the highest ground around a vertex, in vertex spacings.
 _LIFT = 0.25
 
 
 def find_sheet(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The sheet of a scene; None without one, and for one whose vertices were changed by hand."""
+    """The sheet of a scene; None without a sheet, and if the number of its vertices was changed by hand."""
     items = (item for item in scene.objects if _MARK in item and item.type == "MESH")
     return next((item for item in items if len(item.data.vertices) == SIDE**2), None)
 
 
 def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -> bpy.types.Object:
-    """The sheet of a scene on a ground, over the square of ``size_m`` about the origin; its weights stay."""
+    """The sheet of a scene, laid on a ground over the square with sides of ``size_m`` metres about the origin. An
+    existing sheet keeps its weights."""
     sheet = find_sheet(scene)
     if sheet is None:
         sheet = bpy.data.objects.new(f"{NAME} Masks", _make_grid())
@@ -56,7 +57,7 @@ def _make_grid() -> bpy.types.Mesh:
 
 
 def _find_highest(heights: Array) -> Array:
-    """The highest of each value (n, n) and its neighbours."""
+    """The maximum of each value (n, n) and its neighbours."""
     padded = np.pad(heights, 1, mode="edge")
     n = len(heights)
     return np.max([padded[i : i + n, j : j + n] for i in range(3) for j in range(3)], axis=0)
@@ -74,7 +75,7 @@ def read_shares(sheet: bpy.types.Object, group: str) -> Array:
 
 
 def make_group(sheet: bpy.types.Object, group: str, mask: Array | None) -> None:
-    """Make a vertex group the active one; a new group has the values of a mask (rows, columns), 0 without one."""
+    """Make a vertex group active. A new group gets the values of a mask (rows, columns), or 0 without a mask."""
     found = sheet.vertex_groups.get(group)
     if found is None:
         found = sheet.vertex_groups.new(name=group)

@@ -49,7 +49,7 @@ def build_shapes(
             f"{name} Shape {number:03d}", shapes[level][shape].vertices, shapes[level][shape].triangles
         )
         plane = shapes[level][shape].plane
-        if plane.all():  # broken ice: its steps have sharp edges, and it is smooth between them
+        if plane.all():  # broken ice has sharp edges at its steps and is smooth between them
             mesh.shade_smooth()
             mesh.set_sharp_from_angle(angle=_SHARP_ANGLE_RAD)
         else:
@@ -149,8 +149,8 @@ def _fill_points(mesh: bpy.types.Mesh, rocks: Rocks, pick: Array) -> None:
 
 
 def move_rocks(item: bpy.types.Object, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], tag: str) -> bool:
-    """Replace the rocks of an object of ``build_rocks`` that nobody has edited, if it has the shapes of the new rocks
-    and shares its points with no copy. Returns whether it has; otherwise nothing is changed."""
+    """Replace the rocks of an unedited object of ``build_rocks``, if it has the shapes of the new rocks and no copy
+    shares its points. Returns whether the rocks were replaced."""
     used, pick = _number_shapes(rocks, shapes)
     there = sorted(
         (each for each in find_rock_parts(item, tag) if isinstance(each, bpy.types.Object)), key=lambda each: each.name

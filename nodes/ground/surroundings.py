@@ -23,24 +23,25 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
 
-#: The coarse map takes over within this many of its pixels, but in no more than this share of the fine map's width.
+#: Width of the band in which the coarse map takes over: in pixels of that map, and at most a share of the fine map's
+#: width.
 _BAND_PIXELS, _BAND_SHARE = 2.0, 0.25
-#: Share of the fine map's width from which on the margin around the patch holds the whole band.
+#: Minimum margin around the patch that holds the whole band, as a share of the fine map's width.
 _LEAST_MARGIN = 1 / 16
 #: Width in pixels of the squares of the last map of which half must be known: it has ground within half of that of
 #: known pixels.
 _GAP_PIXELS = 16.0
-#: Offset between two maps from which on it is a warning: a tenth of a coarse pixel, and at least a metre.
+#: Offset between two maps that gives a warning: a tenth of a coarse pixel, and at least a metre.
 _OFFSET_PIXELS, _LEAST_OFFSET_M = 0.1, 1.0
-#: Directions around the site in which the end of the ground is looked for, and in the view.
+#: Numbers of directions in which the end of the ground is looked for: all around the site, and in the view.
 _ALL_AROUND, _IN_VIEW = 360, 91
 
 
 @dataclass(frozen=True)
 class MapOfSite:
-    """A height map that was read for a site: its file, whether ``values`` (rows, columns), NaN where missing and in
-    metres above z = 0, are all of it, and the ground that they make. ``zero_m`` is the file's height at z = 0, and
-    ``missing`` the stated value of both maps that means no height."""
+    """A height map that was read for a site. ``values`` (rows, columns) are heights in metres above z = 0, NaN where
+    missing, and ``whole`` tells whether they are the whole map. ``zero_m`` is the file's height in metres at z = 0, and
+    ``missing`` the stated value that means no height in both maps."""
 
     path: Path
     whole: bool
@@ -52,7 +53,7 @@ class MapOfSite:
 
 @dataclass(frozen=True)
 class SurroundedMesh:
-    """The mesh of a patch with its surroundings, and what is to be told about it."""
+    """The mesh of a patch with its surroundings, lines for the import report, and warnings."""
 
     surface: SurroundedGround
     report: tuple[str, ...]
@@ -60,7 +61,7 @@ class SurroundedMesh:
 
 
 def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> SurroundedMesh:
-    """The ground of a site with its surroundings, from its map and a ``coarse`` one, if there is one.
+    """The ground of a site with its surroundings, from its map and, if given, a ``coarse`` map.
 
     Raises IcyMoonError for maps that cannot be laid around the site.
     """
@@ -75,7 +76,7 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
     gap_m, alone = _GAP_PIXELS * covers[-1].pixel_m, len(covers) == 1
     wide_m = gap_m if alone else 2.0 * _choose_band_m(covers, float(settings.terrain.size_m))
     fine, said = _measure_fine(of, pixels, frame, levels, wide_m, settings)
-    if alone:  # the patch is as without surroundings, whatever its gaps
+    if alone:  # the patch is the same as without surroundings, even with gaps
         west, east, south, north = of.surface.bounds_m
         x, y = levels[0].axis_m[None, :], levels[0].axis_m[:, None]
         inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
@@ -109,21 +110,21 @@ def _refuse_without_map(of: MapOfSite, coarse: Path | None, frame: MapFrame | No
 
 
 def _require(frame: MapFrame | None) -> MapFrame:
-    """The frame of a map that ``_refuse_without_map`` has let pass."""
+    """The frame of a map that ``_refuse_without_map`` has accepted."""
     assert frame is not None
     return frame
 
 
 def _hold_pixels(of: MapOfSite) -> MapPixels | None:
-    """The pixels of a map that is in memory as a whole."""
+    """The pixels of a map that is completely in memory; None for a map that is not."""
     if not of.whole:
         return None
     return pixels_from_array(of.values, of.surface.pixel_m, of.surface.west_m, of.surface.south_m)
 
 
 def _choose_band_m(covers: list[MapCover], size_m: float) -> float:
-    """Width in metres of the band within the fine map's edge in which the coarse map takes over: beside the patch where
-    there is room."""
+    """Width in metres of the band inside the fine map's edge in which the coarse map takes over. The band lies beside
+    the patch if there is room."""
     fine, coarse = covers
     width_m = fine.farthest_m + fine.nearest_m
     band_m = min(_BAND_PIXELS * coarse.pixel_m, _BAND_SHARE * max(width_m, 0.0))
@@ -139,7 +140,8 @@ def _measure_fine(
     wide_m: float,
     settings: Settings,
 ) -> tuple[list[LevelMeans], list[str]]:
-    """The heights of the fine map at each level, and sentences: those of the patch as without surroundings."""
+    """The heights of the fine map at each level, and sentences for the user. The patch has the same heights as without
+    surroundings."""
     if pixels is not None:
         means = measure_levels(pixels, levels, wide_m)
         said: list[str] = []
@@ -155,14 +157,15 @@ def _measure_fine(
 def _read_means(
     path: Path, of: MapOfSite, frame: MapFrame, levels: list[Level], wide_m: float, height_scale: float = 1.0
 ) -> tuple[list[LevelMeans], list[str]]:
-    """The heights of a file at each level, from z = 0 of the map of the site, and sentences; see ``read_means``."""
+    """The heights of a file at each level, above z = 0 of the site's map, and sentences for the user; see
+    ``read_means``."""
     found = read_means(path, frame, levels, wide_m, of.missing, height_scale)
     means = [LevelMeans(each.heights_m - of.zero_m, each.share) for each in found.levels]
     return means, [f"{path.name}: {sentence}." for sentence in found.warnings]
 
 
 def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, covers: list[MapCover]) -> list[str]:
-    """A warning of two maps whose heights do not fit together."""
+    """A warning if the heights of two maps do not fit together."""
     if coarse is None or blended.offset_m is None or blended.apart_m is None:
         return []
     most_m = max(_LEAST_OFFSET_M, _OFFSET_PIXELS * covers[1].pixel_m)
@@ -177,7 +180,7 @@ def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, cove
 
 
 def _warn_of_end(settings: Settings, levels: list[Level], heights_m: list[Array], radius_m: float) -> list[str]:
-    """A warning of ground that ends before the horizon."""
+    """A warning if the ground ends before the horizon."""
     rig = settings.rig
     camera = StereoCamera.from_settings(rig)
     half_deg = math.degrees(math.atan2(camera.rendered_px[0] / 2, camera.focal_px))

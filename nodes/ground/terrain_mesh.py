@@ -22,9 +22,9 @@ from ...support.arrays import Array
 from ...support.labels import UV_LAYER
 from ..datablocks.mesh_arrays import fill_with_polygons
 
-#: Attribute: distance of vertices from their neighbours in metres, if fine relief is geometry where they carry it.
+#: Attribute of vertices: distance from their neighbours in metres. Meshes whose vertices carry fine relief have it.
 SPACING = "icymoon_spacing"
-#: Spacing of vertices that fine relief does not move.
+#: Value of that attribute, in metres, for vertices that fine relief does not move.
 _UNMOVED_M = 1.0e6
 #: Points per side of the grid on which the roughness of a graded ground is measured.
 _MEASURED_POINTS_PER_SIDE = 513
@@ -53,7 +53,7 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
 @dataclass(frozen=True)
 class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
-    (k, 2) of its mesh. On coarse ground lie at most ``most_rocks``, which look largest from the site."""
+    (k, 2) of its mesh. Coarse ground has at most ``most_rocks`` rocks: those that look largest from the site."""
 
     surface: Terrain | GradedGround
     positions: Array
@@ -181,7 +181,7 @@ def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> 
         return None
     spacing = terrain.size_m / (len(heights) - 1)
     shortest, longest = law_range_m(terrain)
-    # The grid cuts off wavelengths below two spacings, which affects distances up to three times that.
+    # The grid cuts off wavelengths below two spacings. This affects distances up to three times as long.
     return measure_roughness(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
@@ -196,7 +196,7 @@ def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -
 def make_roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
     """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
-    The density is that at the wave number 1/distance. Empty if there is no grid to measure.
+    The density is given at the wave number 1/distance. The table is empty if there is no grid to measure.
     """
     found = measure_patch_roughness(heights, terrain)
     if found is None or heights is None:
@@ -242,7 +242,7 @@ def build_mesh_from_arrays(
 
 
 def _find_edge_triangles(faces: Array, edges: Array) -> Array:
-    """Whether triangles (m, 3) have one of some edges (k, 2), each from the lower to the higher vertex."""
+    """Whether each triangle (m, 3) has one of the edges (k, 2), which go from the lower to the higher vertex."""
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
     many = int(faces.max()) + 1
     touches = np.isin(sides[:, 0] * many + sides[:, 1], edges[:, 0] * many + edges[:, 1])
@@ -250,7 +250,7 @@ def _find_edge_triangles(faces: Array, edges: Array) -> Array:
 
 
 def _mark_sharp(mesh: bpy.types.Mesh, edges: Array) -> None:
-    """Let faces meet in edges (k, 2), each from the lower to the higher vertex, without a shared normal."""
+    """Make edges (k, 2) sharp: their faces share no normal. Each edge goes from the lower to the higher vertex."""
     ends = np.empty(2 * len(mesh.edges), np.int32)
     mesh.attributes[".edge_verts"].data.foreach_get("value", ends)
     low, high = np.sort(ends.reshape(-1, 2).astype(np.int64), axis=1).T

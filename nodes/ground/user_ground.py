@@ -34,10 +34,10 @@ from .import_mesh import read_mesh
 from .surroundings import MapOfSite, surround
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
-#: Limits of the size of a ground, m. Outside of them it cannot be a landing site in any unit.
+#: Limits in metres of the size of a ground. A ground outside these limits cannot be a landing site in any unit.
 _LEAST_SIZE_M, _MOST_SIZE_M = 1e-3, 1e5
-#: Width in metres up to which a ground may be a site with its surroundings out to the horizon, as in our own exports,
-#: if its triangles are as fine as at a site.
+#: Maximum width in metres of a ground with its surroundings out to the horizon, such as an export of Icy Moon. Its
+#: triangles must be as fine as at a site.
 _LARGEST_HORIZON_M = 2e6
 #: Limits in metres outside which the unit is probably wrong.
 _UNLIKELY_M = (0.2, 2e4)
@@ -70,8 +70,8 @@ class UserGround:
 
     ``surface`` gives its heights. ``report`` contains the findings of the import, and ``warnings`` are for the user.
     ``map_place`` is the position of its origin on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height in
-    the file that becomes z = 0. Without a map it is the position of the origin in the file's own coordinates, turned so
-    that z is up.
+    the file that becomes z = 0. Without a map, ``map_place`` is the position of the origin in the file's own
+    coordinates, turned so that z is up.
     """
 
     positions: Array
@@ -153,7 +153,7 @@ def _format_metres(values: Iterable[float]) -> str:
 
 
 def _is_fine(edge_m: float, height_m: float) -> bool:
-    """Whether triangles of this median edge show a camera at this height more than one of them."""
+    """Whether the median edge of triangles is short enough that a camera at this height sees more than one triangle."""
     return edge_m <= _UNLIKELY_EDGE * height_m
 
 
@@ -324,7 +324,7 @@ def _refuse_unusable(path: Path, found: mesh_faults.MeshReport, repair: bool) ->
 
 
 def _find_shift(positions: Array, source: SourceSettings) -> Array:
-    """Vector that moves the vertices so that the origin of the site is as in the settings."""
+    """Vector that moves the vertices so that the origin of the site is where the settings put it."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:
         low, high = positions.min(axis=0), positions.max(axis=0)
@@ -345,8 +345,8 @@ def _find_origin_m(source: SourceSettings) -> tuple[float, float]:
 def _place_heights(
     heights: Array, pixel: tuple[float, float], read: import_heights.Heights, source: SourceSettings, size_m: float
 ) -> tuple[HeightMap, tuple[float, float, float], dict[str, Any]]:
-    """A map about the origin of the site, its shift, and its position, which is from its coordinate system unless the
-    settings state the size of its pixels.
+    """A map about the origin of the site, its shift in metres, and its position. The position is from the map's
+    coordinate system, unless the settings state the size of its pixels.
     """
     if read.place is not None and read.corner_m is not None and not source.metres_per_pixel > 0:
         zero_m = float(np.median(heights)) if source.centre else 0.0
@@ -374,7 +374,7 @@ def _make_grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
     size_m, radius_m = float(terrain.size_m), float(terrain.body_radius_m)
-    by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
+    by_hand = source.metres_per_pixel > 0  # then the size and place in the file do not count
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
     map_site.refuse_size_by_hand(source)
     read = import_heights.read_heights(path, None if by_hand else map_site.make_map_site(settings), missing, radius_m)
@@ -414,7 +414,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
 
 
 def _refuse_ground_off_map(path: Path, surface: HeightMap, size_m: float) -> None:
-    """Raise IcyMoonError where a map has no ground about the origin."""
+    """Raise IcyMoonError if a map has no ground about the origin."""
     west, east, south, north = surface.bounds_m
     if east <= west or north <= south:
         raise IcyMoonError(
@@ -424,7 +424,8 @@ def _refuse_ground_off_map(path: Path, surface: HeightMap, size_m: float) -> Non
 
 
 def _describe_map_size(shape: tuple[int, int], heights: Array, pixel: tuple[float, float]) -> str:
-    """Pixels and size of a map of a ``shape`` (rows, columns), and which part of it was read, for the import report."""
+    """Text for the import report: pixels and size of a map of a ``shape`` (rows, columns), and the part that was
+    read."""
     rows, columns = shape
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != shape)
@@ -454,7 +455,7 @@ def _add_surroundings(patch: UserGround, of: MapOfSite, settings: Settings) -> U
 
 
 def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[str]:
-    """A warning if the map ends nearer to a stated site than the ground should."""
+    """A warning if the map ends nearer to a stated site than half the width of the ground."""
     size_m, pixel_m = float(settings.terrain.size_m), max(surface.pixel_m)
     west, east, south, north = surface.bounds_m
     nearest, side = min((-west, "west"), (east, "east"), (-south, "south"), (north, "north"))

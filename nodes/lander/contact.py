@@ -15,13 +15,14 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.number_text import show_rounded
 
-#: Margin in metres around the arm within which triangles of the ground are looked at.
+#: Margin in metres around the arm. Only triangles of the ground within it are tested.
 _MARGIN_M = 0.05
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Least height of each link above the ground in metres, negative inside it, and pairs of links that overlap."""
+    """Minimum height in metres of each link above the ground, negative inside the ground, and pairs of links that
+    overlap."""
 
     clearances_m: dict[str, float]
     collisions: list[tuple[str, str]]
@@ -32,7 +33,7 @@ class Contact:
         return any(height <= 0 for height in self.clearances_m.values())
 
     def advice(self) -> list[str]:
-        """Sentences on links other than the scoop in the ground, a scoop deeper than itself, and overlaps."""
+        """Sentences on links other than the scoop that are inside the ground, and on links that overlap."""
         deep = {link: -height for link, height in self.clearances_m.items() if height < 0 and link != "scoop"}
         said = [
             f"The arm's {link.replace('_', ' ')} is {show_rounded(depth)} m inside the ground; raise "

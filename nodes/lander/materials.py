@@ -1,10 +1,11 @@
-"""Materials of the lander: anodized metal, black, silver and white paint, foil, with frost on what looks up.
+"""Materials of the lander: anodized metal, black, silver and white paint, and foil, with frost on surfaces that face
+up.
 
 Reflectances of sunlight are 1 less the solar absorptance of such coatings. Clear anodize absorbs 0.27 (Gilmore 2002,
 *Spacecraft Thermal Control Handbook*, table A.1); black polyurethane paint 0.95, conducting silver paint 0.37, white
 silicone paint 0.26, Kapton over aluminium 0.40 and polished titanium 0.60 (Fortescue et al. 2011, *Spacecraft Systems
-Engineering*, table 11.3). The reflection of a dielectric's surface is 0.04 of it. How much of it is a gloss, and how
-wide, is chosen, as are the hues: under a black sky a mere mirror is black but for its glints.
+Engineering*, table 11.3). The surface of a dielectric reflects 0.04 of the light. The share and the width of the gloss,
+and the hues, are chosen: under a black sky a mere mirror is black but for its glints.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
 
 
 def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socket:
-    """Socket of the share of frost: patches on surfaces that face up, and none on others."""
+    """Socket of the share of frost: patches on surfaces that face up, no frost on other surfaces."""
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
     up = (Number(tree, parts[2]) - _LEAST_FROST_COSINE) / (1.0 - _LEAST_FROST_COSINE)
     noise = Number(tree, add_noise(tree, "Frost Patches", place, _FROST_PATCH_M, 17.0, 5.0))

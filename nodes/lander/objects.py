@@ -21,9 +21,9 @@ from ..ground.heights_under import probe_heights
 from ..ground.terrain_mesh import build_mesh_from_arrays
 from .materials import build_materials
 
-#: Property of the body: heights of the ground under the pads over that under the left camera, in metres.
+#: Property of the body: heights in metres of the ground under the pads, relative to the ground under the left camera.
 PADS = "icymoon_pads_m"
-#: In the view of colours of vertices, which links do not have: grey, and so no value of the ground's.
+#: Colour of links in a view of vertex colours, which links do not have: grey, which stands for no value of the ground.
 _VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
 _LANDER_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.
@@ -40,7 +40,8 @@ def list_link_keys(settings: Settings) -> dict[str, str]:
 
 
 def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:
-    """Heights in metres of the ground's mesh under the left and the right pad over ``site_m``; 0 beside the ground."""
+    """Heights in metres above ``site_m`` of the ground's mesh under the left and the right pad; 0 outside the
+    ground."""
     place = lander_pose(settings, 0.0)
     spots = np.array([place @ [x, y, 0.0, 1.0] for x, y in find_pad_centres(settings.lander)])
     with probe_heights(terrain) as height_at:
@@ -91,7 +92,7 @@ def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_
     """Put the objects, by role, where the settings have them."""
     keys = list_link_keys(settings)
     for link, place in find_link_poses(settings, site_m).items():
-        if (role := ROLES[keys[link]]) in objects:  # a link of the user's arm may have nothing to see
+        if (role := ROLES[keys[link]]) in objects:  # a link of the user's arm may have no geometry
             objects[role].matrix_world = Matrix(place.tolist())
 
 

@@ -1,7 +1,7 @@
 """Planet, rings and stars in the sky, as far meshes that emit light.
 
-Only the camera sees them: lamps light the ground, and the meshes cast no light and no shadows. They have a depth and a
-label where they hide at least half of the light behind them.
+Only the camera sees them: lamps light the ground, and the meshes cast no light and no shadows. A mesh has a depth and a
+label where it hides at least half of the light behind it.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ from .planet_material import build_planet_material
 #: it in the same direction. Its size is in proportion, so it looks as large as the real planet.
 DISTANCE_M = 1.0e5
 STARS_M = 9.0e5  # behind planet and rings, within the camera's clipping distance
-#: Attributes of the vertices: radiance in W/(m² sr), one number or R, G and B, and the share of light that passes.
+#: Attributes of the vertices: radiance in W/(m² sr), as one number or as R, G and B; and the share of light that
+#: passes.
 RADIANCE, TRANSMISSION = "radiance", "transmission"
 DISC = "icymoon_disc"  # property of the planet: hash of the inputs of its mesh
 #: Radius of a star's image in pixels. Cycles' pixel filter is narrower than a pixel, so the pixels of a point would get
-#: between none and 3.5 times its light. A cone of this radius gives all of its light within 2 % in the middle of the
+#: between 0 and 3.5 times its light. A cone of this radius gives all of its light within 2 % in the middle of the
 #: image, and within 5 % near the borders.
 STAR_PX = 1.0
 
@@ -110,8 +111,8 @@ def _build_far_mesh(
     material: bpy.types.Material,
     dip_deg: float,
 ) -> bpy.types.Object:
-    """A mesh with attributes of its vertices that only the camera sees, cut at the horizon. ``faces`` (m, 3 or 4)
-    that end where they begin have a corner less."""
+    """An object whose mesh has attributes of its vertices and is cut at the horizon. Only the camera sees it. A face of
+    ``faces`` (m, 3 or 4) whose last corner is its first has one corner less."""
     mesh = bpy.data.meshes.new(name)
     kept = np.ones(faces.shape, bool)
     kept[:, -1] = faces[:, -1] != faces[:, 0]

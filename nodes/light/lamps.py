@@ -28,8 +28,8 @@ SPREAD = "lamp intensity"  # role of the text with the intensity of lamps by dir
 def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path | None) -> list[bpy.types.Object]:
     """Blender's lights for the lamps; those of the place CAMERA are children of the ``camera``. The caller links them.
 
-    ``ies_file`` has the intensity of lamps of the kind IES. Cameras do not see the lamps themselves, of which rays for
-    the truth know nothing. Raises IcyMoonError if the file cannot be read.
+    ``ies_file`` has the intensity of lamps of the kind IES. Cameras do not see the lamps themselves, because the rays
+    for the truth do not hit lamps. Raises IcyMoonError if the file cannot be read.
     """
     made, spread = [], None
     if ies_file is not None:
@@ -46,8 +46,8 @@ def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path |
 
 
 def _make_light(name: str, lamp: Lamp, light: LightSettings, spread: bpy.types.Text | None) -> bpy.types.Light:
-    """A light that sends out the power of a lamp. A spot of Blender keeps the intensity of a point light of its energy
-    inside its cone, so its energy is larger than its flux."""
+    """A light that sends out the power of a lamp. Inside its cone, a spot in Blender has the intensity of a point light
+    of the same energy, so its energy is larger than its flux."""
     source = bpy.data.lights.new(name, "POINT" if lamp.kind == "IES" else lamp.kind)
     compat.disable_light_factors(source)
     source.color = tuple(map(float, sun_colour(float(lamp.temperature_k))))
@@ -57,7 +57,7 @@ def _make_light(name: str, lamp: Lamp, light: LightSettings, spread: bpy.types.T
         return source
     source.shadow_soft_size, source.use_soft_falloff = lamp.size_m / 2, False
     if lamp.kind == "IES":
-        # A disc that faces each point has the direction of the light as its normal; a sphere has not.
+        # A disc that faces each point has the direction of the light as its normal; a sphere does not.
         source.use_soft_falloff = True
         tree = Tree(compat.ensure_light_nodes(source))
         strength = tree.node("ShaderNodeTexIES", "Intensity", {"Vector": None, "Strength": 1.0}, mode="INTERNAL")
@@ -98,7 +98,7 @@ def find_lamp_matrix(item: bpy.types.Object) -> Matrix:
 
 
 def describe_lamps(collection: bpy.types.Collection, light: LightSettings) -> list[dict[str, Any]]:
-    """The entry ``light.lamps`` of ``pair.json``: each lamp with its light group, as it stands."""
+    """The entry ``light.lamps`` of ``pair.json``: each lamp in its present state, with its light group."""
     found = []
     for item, lamp in zip(find_lamps(collection), light.lamps, strict=False):
         world = np.array(find_lamp_matrix(item), np.float64)

@@ -70,7 +70,7 @@ def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Ob
 
 
 def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
-    """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp, they are dark."""
+    """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp their light is zero."""
     if shine is None or shine.hide_render:
         return {
             "PlanetRadiance": (0.0, 0.0, 0.0, 1.0),

@@ -1,6 +1,6 @@
-"""The material of the planet that the camera sees: its radiance at each pixel, as ``planet_face`` has it.
+"""The material of the planet that the camera sees: the radiance at each pixel by the model of ``planet_face``.
 
-At the vertices of the mesh alone, terminator and shadow of the rings would have a tooth per sector.
+A radiance at the vertices only would give the terminator and the shadow of the rings one tooth per sector of the mesh.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import WHITE, Socket, Tree, Triple, Value, find_output
 
-#: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and its ratio to the wavelength
-#: across.
+#: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and the ratio of the wavelengths
+#: along and across the bands.
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
 
 
 def build_planet_material(
     name: str, planet: Planet, colour: Array, distance_m: float, transmission: str
 ) -> bpy.types.Material:
-    """The material of a mesh about the observer, whose planet is ``distance_m`` away; ``colour`` (3,) is the Sun's.
+    """The material of a mesh about the observer that shows the planet ``distance_m`` metres away. ``colour`` (3,) is
+    the Sun's colour.
 
     ``transmission`` names the attribute of the mesh that has the share of the light from behind that passes.
     """
@@ -82,7 +83,7 @@ class _Globe:
         return 1 / (1 - self.planet.flattening) - 1
 
     def dot(self, label: str, a: Socket, b: Socket | Array) -> Socket:
-        """The dot product of a socket and another or a vector."""
+        """The dot product of a socket with another socket or a vector."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
         return self.tree.vector("DOT_PRODUCT", label, a, b)
 
@@ -121,7 +122,7 @@ class _Globe:
 
 
 def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
-    """The colour of a place: B times its limb darkening times factors of the bands."""
+    """The colour of a place: the pattern of the face times its limb darkening times factors for R, G and B."""
     tree, exponents = globe.tree, face.limb.exponents_at(globe.planet.phase_deg)
     emission = tree.math(
         "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
@@ -145,7 +146,7 @@ def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
 
 
 def _add_bands(globe: _Globe, face: Face) -> Socket:
-    """The reflectance of a latitude."""
+    """The reflectance at each latitude."""
     tree = globe.tree
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
     if face.ripple_deg > 0:
@@ -167,7 +168,7 @@ def _add_bands(globe: _Globe, face: Face) -> Socket:
 
 
 def _add_spot(globe: _Globe, spot: Spot, pattern: Socket) -> Socket:
-    """A pattern with an oval in its collar."""
+    """A pattern with an oval spot and its collar added."""
     tree, (middle, east, north) = globe.tree, spot_axes(globe.planet, spot)
     place = tree.combined(
         "Place in the Spot",

@@ -44,17 +44,18 @@ def place_sun(sun: bpy.types.Object, sky: Sky, colour: Array) -> None:
     else:
         lamp.energy, lamp.angle = irradiance, math.radians(sky.sun_diameter_deg)
     sun.rotation_euler = Vector(sky.sun).to_track_quat("Z", "Y").to_euler()
-    sun.location = sky.sun * (sky.sun_distance_m or 10.0)  # of the real Sun, it only moves the symbol in the viewport
+    sun.location = sky.sun * (sky.sun_distance_m or 10.0)  # moves only the symbol of the real Sun
 
 
 def read_lamp_irradiance_wm2(sun: bpy.types.Object) -> float:
-    """Irradiance of a facing surface at the origin of the site from the lamp as it stands, without its colour."""
+    """Irradiance in W/m² by the lamp in its present state, without its colour, on a surface at the site's origin that
+    faces it."""
     lamp = sun.data
     return float(lamp.energy if lamp.type == "SUN" else lamp.energy / (4.0 * math.pi * sun.location.length_squared))
 
 
 def read_lamp_diameter_rad(sun: bpy.types.Object) -> float:
-    """Diameter in radians of the lamp as it stands, seen from the origin of the site."""
+    """Diameter in radians of the lamp in its present state, seen from the origin of the site."""
     lamp = sun.data
     if lamp.type == "SUN":
         return float(lamp.angle)
@@ -66,7 +67,7 @@ def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str)
     ``sky.describe_sky`` and the choice of ``light.directions_from``.
     """
     direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
-    if sun.data.type != "SUN":  # light comes from its place, whichever way it is turned
+    if sun.data.type != "SUN":  # its light comes from its position, whatever its rotation
         direction, distance = sun.location.normalized(), sun.location.length
     return sun_from_lamp(
         sun_from_facts(facts, source),

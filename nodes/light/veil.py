@@ -17,22 +17,21 @@ from ..datablocks.fingerprint import NAME, TAG
 from ..tree.builder import Tree
 from .scene_lights import ROLES
 
-#: Metres of the medium below the lowest mesh, whose vertices a material may lower.
+#: Metres of the medium below the lowest mesh, since a material may lower vertices.
 _BELOW_M = 1.0
-#: Corners of each side of a box, from outside, by the bits of a corner's number: east, north, up.
+#: Corners of each side of a box, in order as seen from outside. The bits of a corner's number are east, north and up.
 _BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 
 
 def extinction_1_m(veil: VeilSettings) -> float:
-    """Share of a beam's light that is lost per metre over short paths: the optical depth per metre."""
+    """Extinction in 1/m: the optical depth per metre of path."""
     return float(veil.optical_depth) / float(veil.top_m)
 
 
 @contextmanager
 def add_veil_temporarily(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterator[None]:
-    """``scene`` has the veil, from below its ground on, and light scatters up to 1 + ``bounces`` times in it.
-
-    Nothing is added without an optical depth.
+    """Give ``scene`` the veil, from below its ground upward, and remove it at the end. Light scatters up to 1 +
+    ``bounces`` times in it. A veil without optical depth adds nothing.
     """
     if veil.optical_depth <= 0.0:
         yield
@@ -53,7 +52,7 @@ def add_veil_temporarily(scene: bpy.types.Scene, veil: VeilSettings, bounces: in
 
 
 def _find_lowest_m(scene: bpy.types.Scene) -> float:
-    """Height of the lowest corner of a box around a mesh of the site, at most 0."""
+    """Height in metres of the lowest corner of a box around a mesh of the site, at most 0."""
     scene.view_layers[0].update()
     lows = [0.0]
     for item in scene.objects:

@@ -1,6 +1,7 @@
-"""Passes of light that was baked to ground and rocks: radiance by the light of each light group, and its error.
+"""Value passes of the light that was baked to ground and rocks: the radiance by each light group, and its error.
 
-They are passes and no emission, since a ground that gives light lights itself: images would be 5 to 13 % too bright.
+Baked light is a pass and not emission, because emitting ground would light itself: images would be 5 to 13 % too
+bright.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from ..tree.formula import Number
 
 
 def add_baked_passes(tree: Tree, reflectance: Value, rock: bool) -> None:
-    """Add the passes ``BAKED_AOVS`` to a material of the ground, or of rocks, with this reflectance, and
-    ``BAKED_ERROR_AOVS`` to one of the ground.
+    """Add the passes ``BAKED_AOVS`` to a material of the ground or of rocks with this ``reflectance``. A material of
+    the ground also gets ``BAKED_ERROR_AOVS``.
 
-    Twelve numbers of a rock hold no noise from place to place, so rocks have no error.
+    The light of a rock is twelve numbers, which have no noise from place to place, so rocks have no error pass.
     """
     level = (reflectance,) * 3 if isinstance(reflectance, float) else reflectance
     terms = _add_terms(tree) if rock else []
@@ -40,7 +41,7 @@ def _attribute(tree: Tree, group: str, kind: str, name: str) -> Socket:
 
 
 def _add_terms(tree: Tree) -> list[Any]:
-    """The terms of ``physics.light.baked_rocks`` but for the first, which is 1."""
+    """The terms of ``physics.light.baked_rocks`` without the first, which is 1."""
     faces = tree.node("ShaderNodeNewGeometry", "Faces of Rock").outputs["Normal"]
     normal = tree.separated("Normal of Rock", faces)
     place = tree.separated("Place on Rock", tree.node("ShaderNodeTexCoord", "Shape of Rock").outputs["Object"])
@@ -50,7 +51,7 @@ def _add_terms(tree: Tree) -> list[Any]:
 
 
 def _add_sum(tree: Tree, group: str, attribute: str, terms: list[Any]) -> Socket:
-    """The light of a rock: the sum of its numbers times terms, at least 0."""
+    """The light of a rock: the sum of its baked numbers times the terms, at least 0."""
     total = _attribute(tree, group, "INSTANCER", f"{attribute}_0")
     for k, term in enumerate(terms, start=1):
         part = tree.scaled(f"Part {k}", _attribute(tree, group, "INSTANCER", f"{attribute}_{k}"), term)

@@ -23,8 +23,8 @@ from .patches_and_grain import NOISE_DEVIATION, add_noise, find_threshold
 
 #: Normals of the sets of fractures: two steep ones that cross, and one that is nearly level.
 _SET_NORMALS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
-#: Share of the room between planes in which they may lie; wavelengths of patches and of the bending of planes, in
-#: spacings; width of the edges of patches, in deviations of the noise; greatest bending, in spacings.
+#: Share of the spacing within which a plane may lie; wavelengths of patches and of the bending of planes, in spacings;
+#: width of the edges of patches, in standard deviations of the noise; greatest bending, in spacings.
 _OFFSET_SHARE, _PATCH_LENGTH, _BEND_LENGTH, _PATCH_EDGE, _MOST_BEND = 0.9, 1.8, 2.7, 0.4, 1.5
 #: Albedo of a veil, and the share of it that small steps on its faces show in all directions.
 VEIL_ALBEDO, _VEIL_FACE_SHARE = 0.95, 0.3
@@ -89,8 +89,8 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: floa
 
 
 def _add_bent(tree: Tree, place: Socket, fourth: float) -> Socket:
-    """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
-    over a spacing."""
+    """Output socket of a place, moved so that planes are bent. The path of the view stays straight, because planes bend
+    little over one spacing."""
     field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND_LENGTH, 1.0).outputs["Color"]
     return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_MOST_BEND,) * 3, place)
 
@@ -122,7 +122,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
 
 
 def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
-    """The random place of a plane in its room, 0 to 1."""
+    """The random place of a plane within its spacing, 0 to 1."""
     chance = tree.node(
         "ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value}, noise_dimensions="1D"
     ).outputs["Value"]

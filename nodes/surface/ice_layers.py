@@ -25,15 +25,16 @@ from .patches_and_grain import (
     find_threshold,
 )
 
-#: The whitest band has this many times the mean bubbles and the bluest this part of them; the largest share of bubbles.
+#: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
 _BAND_CONTRAST, _MOST_BUBBLE_SHARE = 4.0, 0.6
 #: Direction across the bands of the ground, as of veins that froze again; wavelength and amplitude of their bending, in
 #: bands.
 _ACROSS_BANDS, _BEND_LENGTH, _MOST_BEND = (0.88, 0.38, 0.28), 4.0, 3.0
-#: Frost: cosines of the slopes, 30 and 65 degrees, from which on it becomes less and at which none is left; standard
-#: deviations by which the noise would have to rise there; half the width of its edge, in deviations: it thins out.
+#: Frost: cosines of the slopes at which it starts to decrease (30 degrees) and ends (65 degrees); the rise of the noise
+#: that frost would need there, and half the width of the edge of frost, both in standard deviations.
 _FULL_FROST_COSINE, _NO_FROST_COSINE, _NO_FROST_DEVIATIONS, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
-#: Crust: width of its edge in deviations of the noise, and the grain's height that is left under it.
+#: Crust: width of its edge in standard deviations of the noise, and the share of the grain's height that is left under
+#: it.
 _CRUST_EDGE = 0.05
 CRUST_GRAIN = 0.15
 
@@ -84,7 +85,8 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
     """Sockets of the surface and of the volume of clear ice that light passes through.
 
     Rays that meet it directly or through a mirror are refracted. Light for other ground passes straight through, as no
-    lamp is found through a refracting surface. As much of it is reflected, to all sides, as of even light.
+    lamp is found through a refracting surface. The surface reflects the same share of this light, to all sides, as of
+    even light.
     """
     glass = tree.node(
         "ShaderNodeBsdfGlass",
@@ -123,7 +125,7 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
-    """Output socket of the share of a place that is crust: 0 or 1 but for its edge."""
+    """Output socket of the share of a place that is crust: 0 or 1, with values between at the edge of a crust."""
     field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
     limit, edge = find_threshold(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
     return tree.ramp("Crusted", field, limit - edge, limit + edge)

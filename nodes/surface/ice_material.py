@@ -147,7 +147,7 @@ def _add_principled(
 
 @dataclass(frozen=True)
 class _Places:
-    """Random offsets that give each pattern of a seed another position. Patterns in three dimensions have three."""
+    """Random offsets of the patterns, drawn from a seed. Patterns in three dimensions have three offsets."""
 
     patches: float
     grain: Sequence[float]
@@ -188,7 +188,7 @@ class _Ice:
     frost_mask: Value = 1.0
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
-        """Shader socket of ice with ``surface`` settings, but for their albedo."""
+        """Shader socket of ice with ``surface`` settings, except for their albedo."""
         shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.normal, self.smooth)
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
             return shader
@@ -299,7 +299,8 @@ def _add_law(
 
 
 class _Material:
-    """A material in the making. Its steps are called in their order, each adds nodes for those after it."""
+    """A material under construction. Its methods are called in their order, since each adds nodes that later ones
+    use."""
 
     def __init__(
         self,
@@ -448,7 +449,7 @@ class _Material:
         return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
 
     def _find_emitted(self) -> Value:
-        """The emitted radiance: a number, or the output socket of what only hollows emit."""
+        """The emitted radiance: a number, or an output socket if only hollows emit light."""
         everywhere = float(self._surface.emitted_w_m2_sr)
         if self._surface.emitted_from == "EVERYWHERE":
             return everywhere
@@ -531,10 +532,10 @@ def build_material(
 
     Laws that depend on the Sun need the ``settings`` of the whole scene. ``semantic`` is the label in the
     material-index pass. Fine relief is bump, so that the true depth is the depth of the mesh, or it displaces the
-    vertices. REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``, and otherwise bump.
-    The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
-    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is whether the
-    mesh has the attributes of an excavation. ``painted`` are masks of dirt and frost.
+    vertices. Relief of the kind REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``; otherwise
+    it is bump. The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the
+    bump. With ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is
+    whether the mesh has the attributes of an excavation. ``painted`` are masks of dirt and frost.
     """
     made = _Material(name, surface, seed, semantic, textured, settings, painted)
     made.vary_inputs()

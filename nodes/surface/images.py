@@ -39,7 +39,7 @@ _SHOWN_PROPERTY, _SHOWN_MEAN_PROPERTY = "icymoon_shown", "icymoon_shown_mean"
 _measured_brightness: dict[str, Array] = {}
 #: Values of an image that are processed at once, since a baked image may have 10⁹.
 _VALUES_PER_STEP = 1 << 24
-#: Most pixels of an image, unless its file is large: 8192 x 8192, as the largest of most collections.
+#: Maximum number of pixels of an image, unless its file is large: 8192 x 8192, the largest image in most collections.
 _MOST_PIXELS = 2**26
 _KIND_TEXT = "an image"
 
@@ -84,10 +84,9 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
 def load_placed_map(
     path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0
 ) -> tuple[Map, tuple[float, float, float, float], list[str]]:
-    """An image over the ground of a site by its map coordinates, and beyond it as ``read_map_image`` states: its map
-    with the mean over the ground, its west and south edge, width and height in the frame of the site, and sentences on
-    what it lacks. Raises IcyMoonError if it is
-    missing or not over the ground."""
+    """An image that lies over the ground of a site by its map coordinates, and beyond the ground as ``read_map_image``
+    states. Returns its map with the mean over the ground; its west and south edge, width and height in metres in the
+    frame of the site; and sentences on its gaps. Raises IcyMoonError if the image is missing or not over the ground."""
     if not path.is_file():
         raise IcyMoonError(f"{path}: there is no such file; check textures.albedo_file.")
     state = path.stat()
@@ -151,7 +150,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     vertices = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
     corners = np.arange(len(vertices), dtype=np.int32)
-    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; to compute triangles takes four times as long
+    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; computing triangles takes four times as long
         mesh.calc_loop_triangles()
         corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.loop_triangles.foreach_get("loops", corners)

@@ -26,8 +26,8 @@ from ..tree.formula import Number
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
 NOISE_MEAN, NOISE_DEVIATION, _STAIN_EDGE = 0.5, 0.069, 0.02
-#: The deviation that stains of a colour of the user's were made with, which is too large: they cover about 0.6 of a
-#: small share that is asked for. Pairs that have them must stay as they are.
+#: Standard deviation for stains of the user's own colour. It is too large: these stains cover about 0.6 of a small
+#: share that is asked for. The value stays, because pairs with such stains must not change.
 _DEVIATION_OF_OWN_SALT = 0.093
 #: Largest offset of a field of grain from the origin on each axis, in wavelengths. There, single precision rounds to
 #: 1e-6 wavelengths. With 500 pixels for each wavelength, a tenth of a pixel is 2e-4 of it, so slopes are right within
@@ -95,8 +95,8 @@ def add_grain_by_fineness(
     """Output sockets of the heights in metres of the grain that the vertices carry, and of the finer rest.
 
     Their sum is ``add_grain`` times the amplitude, octave by octave. The mesh has the attribute ``SPACING``. Only one
-    octave can be carried in part: longer ones are carried whole, shorter ones not at all, and either are one fractal.
-    So each hit looks up the octaves that are bump there, and no others.
+    octave can be carried in part. All longer octaves are carried and form one fractal. All shorter octaves are bump and
+    form another. So each hit looks up only the octaves that are bump there.
     """
     askew = _add_grain_place(tree, where, surface.grain_size_m, place)
     spacing = Number(tree, tree.attribute("Vertex Spacing", SPACING))
@@ -125,7 +125,8 @@ def _find_partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
 
 
 def _add_octaves(tree: Tree, label: str, where: Socket, scale: Number | float, detail: Number | float) -> Number:
-    """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
+    """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each next one with half as
+    much."""
     scale, detail = (each.value if isinstance(each, Number) else each for each in (scale, detail))
     return Number(tree, tree.noise(label, {"Vector": where}, scale, detail, normalize=False).outputs[0])
 

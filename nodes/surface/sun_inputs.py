@@ -29,7 +29,7 @@ LEVELS = ("FAST", "ACCURATE", "REFERENCE")
 SHARED = "traced sun"  # role of the collection of objects that a lamp does not light
 #: Names of the nodes with inputs that describe the Sun. DIRECTION is the place of a source whose NEARNESS is 1.
 DIRECTION, NEARNESS, BLUR, SCRIPT = "Sun Direction", "Source Nearness", "Surge Blur", "Hapke"
-#: Distance in metres of a lamp at the origin of the site from it, since 0 stands for the real Sun.
+#: Distance in metres that a lamp at the origin of the site gets, since 0 stands for the real Sun.
 _LEAST_DISTANCE_M = 1e-6
 
 
@@ -65,14 +65,14 @@ class Sun:
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
-        """The planet of its lamp, as if all its light came from the middle of its lit part."""
+        """The planet with the lamp ``shine``, as if all its light came from the middle of its lit part."""
         red, green, blue = (shine.data.energy * band for band in shine.data.color)
         x, y, z = shine[MEAN]
         return cls((x, y, z), (red, green, blue), shine.data.angle)
 
     @classmethod
     def of_lamp(cls, lamp: bpy.types.Object) -> Sun:
-        """A lamp at its place, as if all its light came from its middle."""
+        """A lamp as a source at its place, as if all its light came from the lamp's middle."""
         place = find_lamp_matrix(lamp).translation
         x, y, z = place.normalized() if place.length > 0 else Vector((0.0, 0.0, 1.0))
         return cls((x, y, z), (1.0, 1.0, 1.0), 0.0, max(place.length, _LEAST_DISTANCE_M))

@@ -79,7 +79,7 @@ class Sampler:
     def _add_blend(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Socket:
         """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
 
-        The squares of the shares add up to 1, so that contrast is kept, and the shares to more.
+        The squares of the shares add up to 1, which keeps the contrast. The shares themselves add up to more.
         """
         if len(values) == 1:
             return values[0]

@@ -151,7 +151,7 @@ class Tree:
         return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
 
     def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-        """Output socket of a colour that is ``b`` to this share and else ``a``."""
+        """Output socket of a mixed colour: this ``share`` of ``b``, and the rest of ``a``."""
         return find_output(
             self.node(
                 "ShaderNodeMix",

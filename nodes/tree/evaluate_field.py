@@ -1,7 +1,7 @@
 """Values of a shader's formula at points, by geometry nodes, which have the same textures and the same arithmetic.
 
-Cycles computes a shader only where a ray meets it, and gives no value back but through a bake. Geometry nodes compute
-the same formula for any points, to the last bits of single precision.
+Cycles computes a shader only where a ray meets it, and returns values only through a bake. Geometry nodes compute the
+same formula for any points, to the last bits of single precision.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _GROUP_NAME = "Icy Moon Field"
 
 
 class NoGeometryNodeError(ValueError):
-    """Geometry nodes have no node for one of a shader."""
+    """Geometry nodes have no equivalent of a shader's node."""
 
 
 class _Translation:
@@ -74,8 +74,8 @@ class _Translation:
 
 
 def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.Mesh, some: Array) -> Array:
-    """Values (k,) float32 of a shader's output at ``points`` (k, 3) of the world, which are ``some`` vertices (k,) of
-    ``mesh``.
+    """Values (k,) float32 of a shader's output at ``points`` (k, 3) in world coordinates, which are the vertices
+    ``some`` (k,) of ``mesh``.
 
     Raises NoGeometryNodeError if geometry nodes cannot compute them, or if the mesh lacks the vertex attributes that
     they need.
@@ -108,7 +108,7 @@ def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.
 
 
 def _add_output(group: bpy.types.NodeTree, value: bpy.types.NodeSocket) -> None:
-    """Let a group give its points back with a value as their x."""
+    """Make a group return its points with a value as their x coordinate."""
     for direction in ("INPUT", "OUTPUT"):
         group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     given, result = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")

@@ -1,6 +1,6 @@
 """The settings as Blender's properties, ``Scene.icymoon``: makes them from the table, reads and writes them.
 
-Listeners are told of each change of a property, with the effect of its setting as in the table.
+Each change of a property is announced to listeners with the effect of its setting in the table.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
 def make_property(setting: Setting, **other: object) -> object:
     """A Blender property with the label, tooltip, default and range of a setting that is not a list.
 
-    ``other`` are keywords of Blender's property that replace or join the setting's own.
+    ``other`` are keywords of Blender's property that replace or extend the keywords of the setting.
     """
     common: dict[str, Any] = {"name": setting.label, "description": setting.description, "default": setting.default}
     if setting.kind == "bool":
@@ -201,7 +201,7 @@ def read_variations(group: bpy.types.PropertyGroup) -> SceneVariations:
 
 
 def read_item(item: bpy.types.PropertyGroup) -> VariedSetting:
-    """Read one entry of the list of varied settings, without a check."""
+    """One entry of the list of varied settings, unchecked."""
     return read_varied(item, item.setting, tuple(tick.name for tick in item.ticks if tick.on))
 
 
@@ -241,7 +241,7 @@ def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
     stated.active = place
 
 
-#: The choice of a scanner in a file of the user's own.
+#: The choice for a scanner in the user's own file.
 OWN_SCANNER = "OWN"
 #: How the points of a LiDAR can be coloured, see ``stereo.lidar_view``.
 _LIDAR_COLOURS = (
@@ -296,7 +296,7 @@ def _make_lidar() -> object:
 
 
 def _make_look_of_points() -> dict[str, Any]:
-    """The properties of how the points of a scan are shown."""
+    """The properties that state how the points of a scan are shown."""
     update = make_update_callback(LIDAR_POINTS)
     return {
         "colour": bpy.props.EnumProperty(
@@ -428,7 +428,7 @@ def _forget_displayed(*_: object) -> None:
 
 
 def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:
-    """The complete settings without a check: to show them, not to pass them to a process."""
+    """The complete settings without a check. Only show them; do not pass them to a process."""
     return fill_in_releases(
         typed(
             {

@@ -28,7 +28,7 @@ LAMPS = Section("lamps", "Lamps", "Lamps at the cameras or at places of their ow
 BALANCE = Section("balance", "Light at Evaluation", "Brightness of the light; changes need no new render")
 
 
-#: Of an entry of the list of lamps.
+#: Sub-panel of an entry of the list of lamps.
 LAMP_PLACE = Section("lamp_place", "Position and Aim", "Place of the lamp and the direction in which it shines")
 SPOT = chosen("kind", "SPOT")
 

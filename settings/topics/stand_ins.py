@@ -28,7 +28,7 @@ class TextureItem:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of its images that the render uses, as in the paper."""
+        """The kinds of the texture's images that the render uses, as in the paper."""
         if self.photograph:
             return ("albedo",)
         return ("albedo", "roughness", "normal", *["transmission"] * self.transmission)

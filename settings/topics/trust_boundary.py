@@ -27,9 +27,9 @@ CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is
 LOADING_OPTIONS = ("command", "checkpoint", "python", "model", "returns")
 #: Text of a mark that states that no value is missing.
 NO_MARK = "none"
-#: A number with up to 12 digits before the point and 9 after it, which is down to the nanosecond of a time.
+#: A number with up to 12 digits before the point and 9 after it, so that a time may be stated to the nanosecond.
 DECIMAL_PATTERN = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
-#: A number of up to 12 digits before the point and 20 after it: what Python and PROJ print of any place on a map.
+#: A number of up to 12 digits before the point and 20 after it, as Python and PROJ print coordinates on a map.
 COORDINATE_PATTERN = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{1,20})?")
 #: Numbers of at least 0 with up to 6 digits before the point and 9 after it, with commas between them.
 FACTORS_PATTERN = re.compile(r"[0-9]{1,6}(\.[0-9]{1,9})?(, ?[0-9]{1,6}(\.[0-9]{1,9})?)*")

@@ -73,7 +73,8 @@ def list_library_folders() -> tuple[Path, ...]:
 
 
 def hide_from_rays(item: bpy.types.Object, from_camera: bool = True) -> None:
-    """Hide an object from all rays of Cycles, or all but the camera's. 5.2 adds the rays of the node *Raycast*."""
+    """Hide an object from all rays of Cycles, or from all except camera rays. 5.2 adds the rays of the node
+    *Raycast*."""
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow", "raycast", "camera"):
         if hasattr(item, f"visible_{kind}") and (from_camera or kind != "camera"):
             setattr(item, f"visible_{kind}", False)
@@ -105,7 +106,7 @@ def use_multilayer_exr(image_settings: bpy.types.ImageFormatSettings) -> None:
 
 
 def disable_light_factors(light: bpy.types.Light) -> None:
-    """Switch off exposure and temperature, by which later Blenders multiply the energy of a lamp."""
+    """Switch off exposure and temperature of a lamp, because later versions of Blender multiply its energy by both."""
     if hasattr(light, "exposure"):
         light.exposure = 0.0
     if hasattr(light, "use_temperature"):
@@ -113,8 +114,8 @@ def disable_light_factors(light: bpy.types.Light) -> None:
 
 
 def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
-    """Make a lens Cycles' equidistant fisheye with this field, for square images. From 5.0 on, its properties are the
-    lens' own.
+    """Make a lens Cycles' equidistant fisheye with a field of ``field_rad`` radians, for square images. From 5.0 on,
+    the lens itself has the properties.
 
     ``set_fisheye`` is for images of any shape. Its rays are the same within rounding, so noise and edges differ.
     """
@@ -140,7 +141,7 @@ def _find_panorama_owner(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
 
 
 def set_panorama(lens: bpy.types.Camera, longitude_rad: float, latitude_rad: float) -> None:
-    """Let a camera take equirectangular images, up to these angles on both sides of the middle."""
+    """Make a camera take equirectangular images, up to these angles in radians on both sides of the middle."""
     lens.type = "PANO"
     panorama = _find_panorama_owner(lens)
     panorama.panorama_type = "EQUIRECTANGULAR"
@@ -149,10 +150,10 @@ def set_panorama(lens: bpy.types.Camera, longitude_rad: float, latitude_rad: flo
 
 
 def set_fisheye(lens: bpy.types.Camera, focal_mm: float) -> None:
-    """Let a camera be an equidistant fisheye of a focal length on its sensor that sees all around.
+    """Make a camera an equidistant fisheye that sees all around, with the focal length ``focal_mm`` on its sensor.
 
-    Blender's own equidistant fisheye has another scale along rows than along columns. Its polynomial one has angles of
-    the opposite sign.
+    Blender's own equidistant fisheye has another scale along rows than along columns. Its polynomial fisheye has angles
+    of the opposite sign.
     """
     lens.type = "PANO"
     panorama = _find_panorama_owner(lens)
@@ -178,7 +179,7 @@ def has_osl() -> bool:
 
 
 def compile_osl(source: Path, target: Path) -> bool:
-    """Compile a shader with the compiler in Cycles; whether it succeeded.
+    """Compile a shader with the compiler in Cycles. Returns whether this succeeded.
 
     Blender's own Python code needs ``oslquery``, which the wheels from 4.5 on do not contain.
     """
