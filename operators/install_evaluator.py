@@ -44,7 +44,7 @@ def _can_make_environments(python: Path) -> bool:
 
 
 class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
-    """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (390 MB on disk)"""  # noqa: E501
+    """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (450 MB on disk)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
     bl_label = "Install Evaluator"

@@ -44,8 +44,9 @@ RELEASE = [
     for platform in SYSTEMS
     if (python, platform) != ("3.13", "macos-x64")
 ]
-#: What is not put in, since Blender has it.
-NOT_BUNDLED = ("numpy",)
+#: Packages that are left out: numpy, because Blender has it, and ONNX Runtime with what only it needs, because the
+#: zip would grow by a quarter for one matcher.
+NOT_BUNDLED = ("numpy", "onnxruntime", "flatbuffers", "protobuf")
 #: What installs packages from the Internet, which the platform refuses.
 LEFT_OUT = ("operators/install_evaluator.py", "stereo/environment/install.py", "stereo/environment/evaluator.lock")
 #: Whose work is inside, as each licence says it; the manifest must name them.

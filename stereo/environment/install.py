@@ -13,7 +13,7 @@ from ...support.version import ROOT
 LOCK_FILE = Path(__file__).with_name("evaluator.lock")
 
 #: Disk space of the installed packages, measured on Linux with Python 3.11.
-DISK_MB = 390
+DISK_MB = 450
 
 #: The command that checks whether a Python has the packages of the evaluator.
 _CHECK_COMMAND = (str(ROOT / "__main__.py"), "stereo", "check")

@@ -88,7 +88,7 @@ def test_the_question_before_installing_offers_online_access_where_it_is_off(mon
     monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=online)))
     question = Question()
     install_evaluator.ICYMOON_OT_install_evaluator.draw(stand_in(layout=question), bpy.context)
-    assert "390 MB" in question.texts[0]
+    assert "450 MB" in question.texts[0]
     assert question.buttons == buttons
 
 

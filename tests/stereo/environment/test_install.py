@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from icymoon.stereo.environment import install, packages
+from icymoon.stereo.matchers.onnx import REQUIREMENT
 from icymoon.support.version import ROOT
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -20,9 +21,22 @@ from packaging.utils import canonicalize_name
 
 def locked() -> dict[str, tuple[str, list[str]]]:
     """(version, hashes) of each package of the lock file."""
+    found = {}
+    for requirement, *hashes in map(split_line, read_lines()):
+        found[requirement.name] = (next(iter(requirement.specifier)).version, hashes)
+    return found
+
+
+def read_lines() -> list[str]:
+    """The lines of the lock file, one for each package."""
     lines = re.sub(r"\\\n\s*", " ", install.LOCK_FILE.read_text(encoding="utf-8")).splitlines()
-    words = [line.split() for line in lines if not line.startswith("#")]
-    return {line[0].split("==")[0]: (line[0].split("==")[1], line[1:]) for line in words}
+    return [line for line in lines if not line.startswith("#")]
+
+
+def split_line(line: str) -> tuple[Requirement, *tuple[str, ...]]:
+    """The requirement of a line, and its hashes."""
+    requirement, *hashes = line.split(" --hash=")
+    return Requirement(requirement), *(f"--hash={each}".rstrip() for each in hashes)
 
 
 def test_every_package_is_locked_within_the_bounds_that_are_tested():
@@ -121,6 +135,16 @@ def test_a_package_that_is_not_the_one_we_released_with_is_refused_in_a_sentence
     assert not (tmp_path / "ran").exists()
 
 
+def test_the_lock_has_the_runtime_of_icynet_where_it_has_a_build():
+    ((required, *hashes),) = [split_line(line) for line in read_lines() if line.startswith("onnxruntime==")]
+    assert Requirement(REQUIREMENT).specifier.contains(locked()["onnxruntime"][0])
+    assert required.marker is not None
+    assert required.marker.evaluate({"sys_platform": "linux", "platform_machine": "x86_64"})
+    assert required.marker.evaluate({"sys_platform": "darwin", "platform_machine": "arm64"})
+    assert not required.marker.evaluate({"sys_platform": "darwin", "platform_machine": "x86_64"})
+    assert len(hashes) >= 16  # four Pythons on four systems
+
+
 def test_on_a_system_without_a_build_the_error_gives_the_fix(python, tmp_path, capsys):
     python += [
         makes,
@@ -156,7 +180,7 @@ def test_on_a_system_without_a_build_the_error_gives_the_fix(python, tmp_path, c
             "[Errno -3] Temporary failure in name resolution')'",
             "cannot be reached",
         ),
-        ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "needs 390 MB"),
+        ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "needs 450 MB"),
     ],
 )
 def test_the_cause_of_a_failure_is_named_not_what_pip_makes_of_it(python, tmp_path, capsys, line, said):
