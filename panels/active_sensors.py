@@ -51,7 +51,8 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
             column.prop(group, key)
         column = layout.column()
         column.active = group.detector  # only a detector receives a waveform
-        column.prop(group, "waveforms")
+        column.label(text="Waveforms")
+        column.prop(group, "waveforms", text="")
         column = layout.column(align=True)
         column.operator("icymoon.show_beams", icon="LIGHT_SPOT")
         draw_start(column, "icymoon.scan_lidar", "Scan with LiDAR", "OUTLINER_OB_POINTCLOUD")
