@@ -1682,7 +1682,7 @@ def count_late_turns() -> Waiting:
         yield from under("remove errors", call(operators.hide_surface))
         yield from under("decide", call(operators.decide))
         if operators.paint_decisions.poll():
-            yield from under("paint decisions", call(operators.paint_decisions, map="SLOPE"))
+            yield from under("paint decisions", call(operators.paint_decisions, method="bm", map="SLOPE"))
             yield from under("remove decisions", call(operators.hide_decisions))
         bpy.data.objects["Icy Moon Camera"].location.z += 0.01
         yield from under("render what was edited", begin_and_escape(operators.render_pair))

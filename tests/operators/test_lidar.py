@@ -55,7 +55,7 @@ def test_waveforms_of_the_panel_are_asked_for_or_refused_before_a_scan(small, st
     group.waveforms = "128"
     start()
     assert [json.loads(command[-1])["waveforms"] for command, _ in started] == [None, 128]
-    for detector, scanner, why in ((False, "livox_hap", "this scan has none"), (True, "elsa", "single photons")):
+    for detector, scanner, why in ((False, "livox_hap", "this scan has no detector"), (True, "elsa", "single photons")):
         group.detector, group.scanner = detector, scanner
         with pytest.raises(IcyMoonError, match=why):
             start()

@@ -227,7 +227,7 @@ def test_intervals_are_half_of_the_pulse_and_meet_nyquist(pulse_s, bandwidth_hz,
 def test_a_scan_without_a_waveform_is_one_sentence():
     with pytest.raises(IcyMoonError, match="counts single photons, so it has no waveform; choose"):
         make_digitiser(PhotonCounter(), instrument(), 64)
-    with pytest.raises(IcyMoonError, match="this scan has none; choose"):
+    with pytest.raises(IcyMoonError, match="this scan has no detector; choose"):
         make_digitiser(None, instrument(), 64)
     with pytest.raises(IcyMoonError, match="0 ps apart; give a pulse"):
         make_digitiser(APD, instrument(pulse_fwhm_s=1e-12), 64)
