@@ -317,8 +317,8 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 
 @dataclass(frozen=True)
 class _Places:
-    """The squares of the means, and the positions ``at`` (column, row) of the level's points, in steps between squares;
-    None if points and squares coincide."""
+    """The square windows over which pixels are averaged, and the positions ``at`` (column, row) of a level's points
+    between them, in steps of windows; ``at`` is None if the points are the middles of the windows."""
 
     squares: Squares
     at: tuple[Array, Array] | None

@@ -100,7 +100,8 @@ def _load_picture(image: bpy.types.Image, turn: int) -> None:
 
 
 def _write_pictures(pictures: list[Any]) -> None:
-    """Write the files of both turns, since undo may restore either path; equal files if the view has one picture."""
+    """Write both pictures of a flicker view to ``picture_0.png`` and ``picture_1.png``. A single picture goes to both
+    files, since undo may restore either path."""
     for turn in (0, 1):
         path = _find_pictures_folder() / f"picture_{turn}.png"
         with explain_disk_errors("write", path):

@@ -571,11 +571,11 @@ def _write_layers(
     """
     twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
-    def less(piece: Piece) -> Piece | None:
+    def reduce(piece: Piece) -> Piece | None:
         kept = drop_passes(piece, passes.UNWANTED_PASSES | twice | unwanted)
         return kept and compress(round_passes(kept, rounded))
 
-    data = join_layers(layers, less)
+    data = join_layers(layers, reduce)
     with explain_disk_errors("write", final):
         final.write_bytes(data)
         system.flush(final)

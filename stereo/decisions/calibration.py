@@ -174,7 +174,8 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
 def _calibrate_risk(
     losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal, shares: bool
 ) -> dict[str, Any]:
-    """The strictest threshold of the groups' losses (grounds, thresholds), and the counts of all grounds at it."""
+    """The strictest of the thresholds that the groups need for their losses (grounds, thresholds), None if a group has
+    none, and what all grounds have at it: the number that act and their loss."""
     found = [goal.find_threshold(each, shares) for each in losses]
     accepted = [at for at in found if at is not None]
     at = min(accepted) if accepted and len(accepted) == len(found) else None

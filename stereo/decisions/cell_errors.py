@@ -51,12 +51,11 @@ def state_errors(dem: Dem, variance_m2: Array, shared_cells: Array | None = None
 def fill_gaps(dem: Dem, errors: CellErrors, gap_m: float, disc_m: float, most_error_m: float) -> tuple[Dem, CellErrors]:
     """Fill gaps that are at most ``gap_m`` wide between known cells; return the model and its errors.
 
-    A height is predicted by a plane through a ring of neighbours, without the cells nearer than half the gap. The known
-    cells are predicted in the same way, and the mean square of their residuals in the footprint ``disc_m`` is the
-    stated variance of the filled heights, or the mean square of the ring's distances from its plane, if larger: beside
-    a step the neighbours contradict each other. The plane's rise across the gap is added as if it were a step anywhere
-    in the gap. Where the standard deviation is above ``most_error_m``, and with a gap
-    below one cell, nothing is filled.
+    A filled height is the value of a plane that is fitted to a ring of known cells, without cells nearer than half the
+    gap. Its variance is the larger of two: the mean square error of such planes at the known cells of the footprint
+    ``disc_m``, and the mean square residual of the ring, which is larger beside a step. The plane's rise across the gap
+    adds to it, because a step may lie anywhere in the gap. A gap stays where the standard deviation is above
+    ``most_error_m``. Nothing is filled if ``gap_m`` is less than a cell.
     """
     cell = dem.grid.cell_m
     if gap_m < cell * (1 - 1e-9):

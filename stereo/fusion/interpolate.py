@@ -81,12 +81,12 @@ class Interpolation:
 
     @cached_property
     def _plane(self) -> tuple[Array, Array]:
-        """The plane through all points, (3,) for ``_design``, and the inverse (3, 3) of its normal equations."""
+        """The least-squares plane (3,) of all points, and the inverse (3, 3) of its normal equations."""
         return _fit_plane(_design(self.column, self.row), self.disparity)
 
     def fill(self, shape: tuple[int, ...]) -> Array:
-        """Disparities (H, W): linear on each triangle. Outside of all triangles they are the plane through all points,
-        plus the difference from that plane at the nearest place on the edge of the triangles."""
+        """Disparities (H, W): linear on each triangle. Outside of all triangles they are the least-squares plane of all
+        points, plus the difference from that plane at the nearest place on the edge of the triangles."""
         rows, columns = np.indices(shape[:2], dtype=np.float64)
         where = self.triangulation.get_trifinder()(columns, rows)
         slope = _fit_triangles(self.triangulation.triangles, self.column, self.row, self.disparity)
@@ -209,7 +209,8 @@ def _design(column: Array, row: Array) -> Array:
 
 
 def _fit_plane(design: Array, values: Array) -> tuple[Array, Array]:
-    """The plane (3,) through values (n,) for a ``design`` (n, 3), and the inverse (3, 3) of its normal equations.
+    """The least-squares plane (3,) of values (n,) for a ``design`` (n, 3), and the inverse (3, 3) of its normal
+    equations.
 
     The products are summed row by row: with BLAS their last bits depend on where arrays lie in memory.
     """

@@ -208,7 +208,8 @@ class _PrefixCounts:
                 values, regions = values[order], [region[order] for region in regions]
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
-        """The counts for pairs of a prefix and a limit, which are as many as there are."""
+        """For each k, how many of the first ``prefixes[k]`` values are below ``limits[k]``: of all values, then of the
+        values of each region."""
         totals: list[Array] = []
         for level, lower in zip(self._levels, (*self._levels[1:], None), strict=True):
             digits = level.digits.take(limits)
