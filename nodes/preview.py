@@ -219,7 +219,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
-    painted_errors.clear_painted(built.scene)  # the statistics describe the previous ground
+    painted_errors.clear_painted(built.scene)  # the painted errors are of the previous ground
     ground.show_in_mesh(built.terrain.data)
     mark_elevation(
         built.terrain.data,
