@@ -107,8 +107,10 @@ def _convert(options: argparse.Namespace, kinds: list[str]) -> int:
     options of a new scan."""
     if not kinds:
         raise IcyMoonError(f"--convert has no format; give {' or '.join(f'--{kind}' for kind in _FORMATS)}.")
-    if options.pair or options.out or options.preset or options.settings or options.overrides or options.waveforms:
-        raise IcyMoonError("--convert scans nothing; leave the pair, --out, the settings and --waveforms out.")
+    if options.pair or options.out or options.preset or options.settings or options.overrides:
+        raise IcyMoonError("--convert scans nothing; leave the pair, --out and the settings out.")
+    if _make_request(options) != ScanRequest():
+        raise IcyMoonError("--convert scans nothing; leave the options of a new scan out, such as --rows.")
     for kind in kinds:
         say(str(write_scan(options.convert, kind)))
     return 0

@@ -67,6 +67,8 @@ def test_a_scan_that_is_there_is_written_in_other_formats(tmp_path, capsys):
         (["--ply", "--out", "other"], "--convert scans nothing"),
         (["--ply", "--preset", "europa_chaos"], "--convert scans nothing"),
         (["--ply", "--waveforms", "64"], "--convert scans nothing"),
+        (["--ply", "--rows", "9"], "--convert scans nothing"),
+        (["--ply", "--without", "ice"], "--convert scans nothing"),
     ],
 )
 def test_a_conversion_takes_formats_alone(words, part, tmp_path, capsys):
