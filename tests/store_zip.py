@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from extension_zip import ROOT, blender_ext, shipped
-from lock import PLATFORMS, normal
+from lock import PLATFORMS, RUNTIME_MARKER, normal
 
 LOCK = ROOT / "stereo" / "environment" / "evaluator.lock"
 WHEELS = ROOT / "dist" / "wheels"
@@ -44,9 +44,8 @@ RELEASE = [
     for platform in SYSTEMS
     if (python, platform) != ("3.13", "macos-x64")
 ]
-#: Packages that are left out: numpy, because Blender has it, and ONNX Runtime with what only it needs, because the
-#: zip would grow by a quarter for one matcher.
-NOT_BUNDLED = ("numpy", "onnxruntime", "flatbuffers", "protobuf")
+#: What is not put in, since Blender has it.
+NOT_BUNDLED = ("numpy",)
 #: What installs packages from the Internet, which the platform refuses.
 LEFT_OUT = ("operators/install_evaluator.py", "stereo/environment/install.py", "stereo/environment/evaluator.lock")
 #: Whose work is inside, as each licence says it; the manifest must name them.
@@ -94,9 +93,11 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def locked() -> str:
-    """The lock file without the packages that are not put in."""
+    """The lock file without the packages that are not put in. ONNX Runtime and what only it needs, which have its
+    marker, stay out too: the zip would grow by a quarter for one matcher."""
+    left_out = "#", *(f"{name}==" for name in NOT_BUNDLED)
     blocks = re.split(r"\n(?=\S)", LOCK.read_text(encoding="utf-8"))
-    return "\n".join(block for block in blocks if not block.startswith(("#", *(f"{name}==" for name in NOT_BUNDLED))))
+    return "\n".join(block for block in blocks if not block.startswith(left_out) and RUNTIME_MARKER not in block)
 
 
 def download(store: Store) -> list[Path]:

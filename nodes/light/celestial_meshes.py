@@ -6,7 +6,6 @@ label where it hides at least half of the light behind it.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -21,6 +20,8 @@ from ...physics.light.stars import Stars
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.labels import PLANET
+from ..datablocks.array_marks import mark_array
+from ..datablocks.marks import hash_marks
 from ..datablocks.mesh_arrays import fill_with_polygons
 from ..tree.builder import Tree
 from .planet_material import build_planet_material
@@ -49,17 +50,15 @@ def build_planet(
     mesh takes 0.2 s.
     """
     shown = make_disc_mesh(planet, pixel_rad)
-    disc = hashlib.sha256(repr(dip_deg).encode())
-    for values in (shown.vertices, shown.faces, shown.transmission):
-        disc.update(values.tobytes())
+    disc = hash_marks([dip_deg, *map(mark_array, (shown.vertices, shown.faces, shown.transmission))])
     material = build_planet_material(name, planet, colour, DISTANCE_M, TRANSMISSION)
-    if former is not None and former.get(DISC) == disc.hexdigest():
+    if former is not None and former.get(DISC) == disc:
         former.data.materials[0] = _set_up_far_material(material)
         item = _hold_far_mesh(name, former.data)
     else:
         attributes = {TRANSMISSION: shown.transmission}
         item = _build_far_mesh(name, DISTANCE_M * shown.vertices, shown.faces, attributes, material, dip_deg)
-    item[DISC] = disc.hexdigest()
+    item[DISC] = disc
     return item
 
 
