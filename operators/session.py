@@ -64,7 +64,7 @@ class Session:
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))
     views_before: dict[int, dict[str, Any]] = field(default_factory=dict)  # 3D Views before they showed a built scene
     views_left: set[tuple[int, int]] = field(default_factory=set)  # views that a built scene left, and its session_uid
-    shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # 3D Views before they showed colours
+    shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # by 3D View, before it showed colours
     #: The views that no longer show colours, because undo or a button removed the errors, and whether they had Solid
     #: shading.
     colours_left: dict[int, bool] = field(default_factory=dict)
