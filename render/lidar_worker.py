@@ -203,6 +203,11 @@ def _write_batches(
     return counts
 
 
+def _convert_unit(value: float, per_unit: float) -> float:
+    """A value in another unit, as a user wrote it: 3 ns stored as 3e-9 s is 3, and not 3.0000000000000004."""
+    return float(f"{value * per_unit:.15g}")
+
+
 def _describe_scan(lidar: LidarFile, pose: SensorPose) -> dict[str, Any]:
     instrument = lidar.instrument
     return {
@@ -212,9 +217,9 @@ def _describe_scan(lidar: LidarFile, pose: SensorPose) -> dict[str, Any]:
         "columns": instrument.pattern.columns,
         "period_s": instrument.pattern.period_s,
         "rays": instrument.sub_rays,
-        "wavelength_nm": instrument.wavelength_m * 1e9,
-        "pulse_uj": instrument.pulse_j * 1e6,
-        "pulse_ns": instrument.pulse_fwhm_s * 1e9,
+        "wavelength_nm": _convert_unit(instrument.wavelength_m, 1e9),
+        "pulse_uj": _convert_unit(instrument.pulse_j, 1e6),
+        "pulse_ns": _convert_unit(instrument.pulse_fwhm_s, 1e9),
         "reported": instrument.reported,
         "sensor_to_world": pose.matrix.tolist(),
         "position_m": pose.position_m.tolist(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,16 @@ def test_a_scan_without_waveforms_removes_those_of_an_earlier_one(tmp_path):
     bare = replace(scanned, packets=None)
     assert "waveforms" not in lidar_worker._write_scan(tmp_path, [bare], pattern, None, told.append)
     assert [path.name for path in tmp_path.iterdir()] == ["lidar.npz"]
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(LIDARS.glob("*.toml"))])
+def test_a_scan_states_the_numbers_of_its_scanner_file(name):
+    lidar = read_lidar(LIDARS / f"{name}.toml")
+    stated = lidar_worker._describe_scan(lidar, SensorPose(np.zeros(3), np.eye(3)))
+    asked = tomllib.loads((LIDARS / f"{name}.toml").read_text(encoding="utf-8"))["lidar"]
+    names = {"wavelength_nm", "pulse_uj", "pulse_ns"} & asked.keys()
+    assert "pulse_uj" in names
+    assert {key: stated[key] for key in names} == {key: asked[key] for key in names}
 
 
 @pytest.mark.long
