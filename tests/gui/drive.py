@@ -456,7 +456,9 @@ def rocks_where_painted() -> Waiting:
     for row in (-120, -60, 0):
         yield from to(x - 250, y + row)
         xdotool("mousedown", 1)
-        yield from to(x + 150, y + row - 20)
+        for share in np.linspace(0.1, 1.0, 10):  # a stroke keeps the mouse to itself, so nothing tells of each move
+            point(x - 250 + 400 * share, y + row - 20 * share)
+            yield 2 * TICK_S
         xdotool("mouseup", 1)
         yield 5 * TICK_S
     sheet = bpy.context.active_object
