@@ -1475,7 +1475,7 @@ def decide_by_mouse() -> Waiting:
     yield from person.close_second_window("the Image Editor")
     yield from to(*middle("UI"))
     yield from scroll(400)
-    yield from press("icymoon.decide")
+    yield from press("icymoon.decide", fuse_suns=None)
     yield from until(lambda: session().job, "Starting to decide")
     yield from ended()
     yield from until(lambda: opened, "Opening the report")

@@ -145,8 +145,9 @@ def write_text(text: str) -> Waiting:
         yield 2 * TICK_S
 
 
-def over_button(operator: str, **options: str) -> bool:
-    """Whether the mouse is over a button of that operator: Blender tells by copying its Python command."""
+def over_button(operator: str, **options: str | None) -> bool:
+    """Whether the mouse is over a button of that operator: Blender tells by copying its Python command. An option None
+    is not set by the button."""
     with in_region("UI"):
         if not bpy.ops.ui.copy_python_command_button.poll():
             return False
@@ -154,7 +155,9 @@ def over_button(operator: str, **options: str) -> bool:
         bpy.ops.ui.copy_python_command_button()
     command = manager().clipboard
     command = command.replace("'", '"')  # which are around the items of a choice
-    return command.startswith(f"bpy.ops.{operator}(") and all(f'{k}="{v}"' in command for k, v in options.items())
+    return command.startswith(f"bpy.ops.{operator}(") and all(
+        f"{key}=" not in command if value is None else f'{key}="{value}"' in command for key, value in options.items()
+    )
 
 
 def over_setting(path: str, of: str = "") -> bool:
@@ -199,19 +202,19 @@ PICTURES_IN_A_ROW, PICTURE_PX = 8, (147, 168)
 _found = 0.0  # how far down the last button was
 
 
-def find(operator: str, **options: str) -> Looking:
+def find(operator: str, **options: str | None) -> Looking:
     """Look for a button in the sidebar by mouse, first near the last one, then page by page; returns its place."""
     global _found
     yield from away()
     # Buttons with options are mostly icons of a table, the others as wide as half a row.
-    likely = COLUMNS[2:] if options or operator in ICONS else COLUMNS[:2]
+    likely = COLUMNS[2:] if any(options.values()) or operator in ICONS else COLUMNS[:2]
     place = yield from _look_on_every_page(lambda: over_button(operator, **options), (likely, COLUMNS), _found)
     assert place is not None, f"no button of {operator} was found in the sidebar"
     _found = region("UI").y + region("UI").height - place[1]
     return place
 
 
-def press(operator: str, **options: str) -> Waiting:
+def press(operator: str, **options: str | None) -> Waiting:
     """Find a button and click it."""
     yield from find(operator, **options)
     xdotool("click", 1)
