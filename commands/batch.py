@@ -28,7 +28,14 @@ from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
 from ..support.number_text import format_count
 from ..support.system import call_dependent, count_processors, kill_all, set_stop_handler, start
-from ..support.terminal import add_list, add_maps_option, add_own_matchers, as_path, check_least, show_progress
+from ..support.terminal import (
+    add_maps_option,
+    add_own_matchers,
+    add_repeatable_option,
+    as_path,
+    check_least,
+    show_progress,
+)
 from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]
@@ -46,7 +53,9 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
     add_own_matchers(parser, "--evaluate")
     add_maps_option(parser)
     parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
-    add_list(parser, "--set", "sensor.KEY=VALUE", "camera response for matching, if it differs from the rendered one")
+    add_repeatable_option(
+        parser, "--set", "sensor.KEY=VALUE", "camera response for matching, if it differs from the rendered one"
+    )
     parser.add_argument(
         "--dask",
         metavar="ADDRESS",
@@ -74,7 +83,9 @@ def add_slurm_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
     parser.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
     parser.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
-    add_list(parser, "--sbatch", "OPTION", "further option of sbatch, as in --sbatch=--partition=long; may repeat")
+    add_repeatable_option(
+        parser, "--sbatch", "OPTION", "further option of sbatch, as in --sbatch=--partition=long; may repeat"
+    )
     parser.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
     parser.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
     parser.set_defaults(run=_run_slurm)
@@ -227,7 +238,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
 
 
 def _evaluate_pairs(dataset: Path, options: argparse.Namespace) -> int:
-    """Match the pairs in another process, which prints its own messages; its exit status."""
+    """Match the pairs in another process, which prints its own messages; return its exit status."""
     return call_dependent(*_make_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
 
 

@@ -95,7 +95,7 @@ def make_calibrated_settings(
     """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences for the user about them.
 
     ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
-    IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
+    IcyMoonError for eyes that are swapped, one above the other or at one position, and for a lens that folds the image.
     """
     where = " and ".join(map(str, paths))
     for camera in rig.cameras:
@@ -178,7 +178,7 @@ class _Rectified:
 
 
 def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified:
-    """The rectified rig of a calibration: from two files of ROS that state one pair, else from OpenCV's rotations with
+    """Rectify the rig of a calibration: by two ROS files of one pair, else by OpenCV's rotations with
     the mean focal length and the mean principal point of both eyes, as shares of the larger size.
     """
     stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []

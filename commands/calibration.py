@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..support import printer
-from ..support.terminal import add_list, as_path, show_count
+from ..support.terminal import add_repeatable_option, as_path, show_count
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``calibration``."""
     parser.add_argument("path", nargs="+", type=as_path, help="pair folder or data set of pairs; may be several")
     parser.add_argument("--methods", default="sgbm,jplv", help="matchers, separated by commas (%(default)s)")
-    add_list(
+    add_repeatable_option(
         parser,
         "--errors",
         "KEY=NUMBER,NUMBER",

@@ -18,7 +18,7 @@ _SHORT_BASELINE_M, _LIKELY_BASELINE_M = 0.003, 5.0
 
 
 def selects_by_name(kind: str, chosen: str | None) -> bool:
-    """Whether ``--cameras`` or the order within one file selects the cameras, instead of one file for each."""
+    """Return whether ``--cameras`` or the order within one file selects the cameras, instead of one file for each."""
     return chosen is not None or not FORMATS[kind].each
 
 

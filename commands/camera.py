@@ -113,7 +113,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
 
 
 def read_stated_facts(options: argparse.Namespace) -> Stated:
-    """The facts that the user states about the files of a calibration."""
+    """Read the user's options about the files of a calibration."""
     return Stated(options.unit, options.size, options.lens)
 
 
@@ -172,7 +172,7 @@ def _check_out(files: list[Path], out: list[Path], name: str | None) -> None:
 
 
 def choose_cameras(reading: Reading, names: str | None) -> Reading:
-    """The cameras of these names alone, or all without names. Raises IcyMoonError for a name that is not there."""
+    """Select the cameras with these names, or all without names. Raises IcyMoonError for an unknown name."""
     if names is None:
         return reading
     known = {camera.name: camera for camera in reading.rig.cameras}
@@ -193,7 +193,7 @@ def read_eyes(
     kind: str | None = None,
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The settings of two calibrated cameras as they are, and sentences on assumptions and on pixels that stay dark.
+    """Read the settings of two calibrated cameras without averaging, and sentences on assumptions and dark pixels.
 
     Eyes that are alike, parallel and side by side give the ``rig`` of ``read_rig``; others give it as their rectified
     pair, with ``left_eye`` and ``right_eye`` beside it. Raises IcyMoonError.
@@ -218,7 +218,7 @@ def read_rig(
     kind: str | None = None,
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The ``rig`` settings of one camera for two, and sentences on fitted, averaged and left-out values.
+    """Read ``rig`` settings in which both eyes share one camera, and sentences on fitted, averaged and omitted values.
 
     The sensor has the default width, since a calibration states lengths in pixels only. Both eyes have one lens:
     the mean of both lenses if they differ. Eyes that are not parallel, not alike or have lenses that a rig
@@ -270,7 +270,7 @@ def read_rectified_rig(
     kind: str | None = None,
     names: str | None = None,
 ) -> tuple[Settings, CalibratedRig, list[str]]:
-    """The ``rig`` settings of images that are rectified already, their two cameras, and sentences.
+    """Read the ``rig`` settings of already rectified images, their two cameras, and sentences on assumptions.
 
     Of ROS' files, ``projection_matrix`` is the camera of the rectified images. Other calibrations have to be of the
     rectified images themselves. Raises IcyMoonError for one with distortion, or with eyes that are not parallel.
@@ -472,7 +472,7 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
 
 
 def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
-    """The lens of a camera, or of its rectified images; without distortion unless it is plumb_bob."""
+    """Make the lens of a camera, or of its rectified images; without distortion unless its model is plumb_bob."""
     matrix = camera.projection if rectified else camera.matrix
     k = None if rectified else camera.k
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
@@ -492,13 +492,13 @@ def _describe_focal_lengths(matrix: Array) -> str:
 
 
 def _name_eye(eye: _Eye, where: str) -> str:
-    """The name of an eye at the beginning of a sentence: its file, or its name in the files."""
+    """Name an eye for the beginning of a sentence: by its file, or by its name in the files."""
     return f"{where}: {eye.name}" if eye.name else str(eye.path)
 
 
 def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
-    """The mean lens of both eyes, and a sentence if they differ by more than ``ALIKE_PX``. Raises IcyMoonError if they
-    differ too much for one lens.
+    """Average the lenses of both eyes; add a sentence if they differ by more than ``ALIKE_PX``. Raises IcyMoonError if
+    they differ too much for one lens.
     """
     if differ := _describe_unlike(left, right, width_px):
         raise IcyMoonError(

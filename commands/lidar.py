@@ -21,7 +21,7 @@ from ..support.files import is_file, quote
 from ..support.number_text import format_count
 from ..support.printer import say
 from ..support.suggestions import suggest_nearest
-from ..support.terminal import add_list, as_path
+from ..support.terminal import add_repeatable_option, as_path
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
@@ -73,7 +73,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_sensing_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for light in ice and for the detector."""
-    add_list(parser, "--without", "EFFECT", f"leave an effect out: {', '.join(EFFECTS)}; may repeat", choices=EFFECTS)
+    add_repeatable_option(
+        parser, "--without", "EFFECT", f"leave an effect out: {', '.join(EFFECTS)}; may repeat", choices=EFFECTS
+    )
     parser.add_argument("--grain-um", type=float, help="radius of the grains of snow, in place of the surfaces'")
     parser.add_argument("--density", type=float, help="density of snow in kg/m³, in place of the excavation's")
     parser.add_argument("--seed", type=int, help="seed of the detector's noise, in place of the scene's")

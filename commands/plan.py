@@ -55,7 +55,7 @@ def check_plan(plan: Plan) -> None:
 
 
 def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
-    """A pair in a line: its id and its values of the settings that vary."""
+    """Describe a pair in one line: its id and its values of the settings that vary."""
     values = (f"{topic}.{key}={_shorten_value(pair.settings[topic][key])}" for topic, key in names)
     return "  ".join((pair.id, *values))
 

@@ -143,7 +143,7 @@ def _check_transport(transport_mm: float | None, pattern: Pattern) -> None:
 
 
 def make_projector(options: argparse.Namespace, settings: Settings) -> Projector:
-    """The projector of the options, whose field is as wide as the left camera's unless it is stated."""
+    """Make the projector of the options. Its field is by default as wide as the left camera's."""
     camera = StereoCamera.from_settings(settings.rig)
     seen_deg = 2 * math.degrees(math.atan(camera.width_px / 2 / camera.focal_px))
     columns, rows = options.pixels
@@ -204,7 +204,7 @@ def _project(settings: Settings, projector: Projector, pattern: Pattern, blender
 
 
 def name_projector(reason: str, number: int) -> str:
-    """A reason against a scene, whose lamp at this place of the list is the projector."""
+    """Rewrite a reason against a scene so that the lamp with this ``number`` in the list is called the projector."""
     start, end = f"light.lamps[{number}] is ", ", so it lights nothing; "
     if not reason.startswith(start) or end not in reason:
         return reason

@@ -131,7 +131,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 
 
 def _ask_abilities(blender: str) -> Abilities:
-    """The abilities of a Blender; all of them if it does not answer, since a render will report that."""
+    """Ask a Blender for its abilities; assume all if it does not answer, since a render will report the fault."""
     try:
         return query_abilities(blender)
     except IcyMoonError:

@@ -14,7 +14,7 @@ from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.terminal import add_list, as_path, parse_list_option, show_progress
+from ..support.terminal import add_repeatable_option, as_path, parse_list_option, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
@@ -58,7 +58,7 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
 
 def add_gallery_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``gallery``."""
-    add_list(parser, "--only", "NAME", "one scene; may repeat (all)")
+    add_repeatable_option(parser, "--only", "NAME", "one scene; may repeat (all)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
     parser.add_argument(
         "--stops",

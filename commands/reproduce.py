@@ -146,7 +146,7 @@ def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
 
 
 def _freeze_part(part: Part, options: argparse.Namespace) -> FrozenPlan:
-    """The data set of a part, frozen into its folder. Raises IcyMoonError if Blender cannot render it, or if the folder
+    """Freeze the data set of a part into its folder. Raises IcyMoonError if Blender cannot render it, or if the folder
     has pairs of another data set."""
     dataset = options.out.absolute() / part.folder
     frozen = freeze_plan(dataset, part.pairs, part.text)
@@ -222,7 +222,7 @@ def _open_output(as_json: bool) -> Iterator[Event]:
 
 
 def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
-    """The pairs of each evaluation; the figures are only shown."""
+    """List the pairs of each evaluation, without those of the figures, which no matcher evaluates."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     return [pair for part, _, _ in EVALUATIONS.values() for pair in parts[part].pairs]

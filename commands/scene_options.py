@@ -6,14 +6,14 @@ import argparse
 
 from ..settings import description, preset_files
 from ..settings.topics.scene import Settings
-from ..support.terminal import add_list, as_path
+from ..support.terminal import add_repeatable_option, as_path
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:
     """Add the options ``--preset``, ``--settings`` and ``--set`` to a parser."""
-    add_list(parser, "--preset", None, "shipped preset, see icymoon presets; may repeat")
-    add_list(parser, "--settings", None, "TOML file; may repeat", type=as_path)
-    add_list(parser, "--set", "TOPIC.KEY=VALUE", "one setting; may repeat", dest="overrides")
+    add_repeatable_option(parser, "--preset", None, "shipped preset, see icymoon presets; may repeat")
+    add_repeatable_option(parser, "--settings", None, "TOML file; may repeat", type=as_path)
+    add_repeatable_option(parser, "--set", "TOPIC.KEY=VALUE", "one setting; may repeat", dest="overrides")
 
 
 def read_settings(options: argparse.Namespace) -> Settings:

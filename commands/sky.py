@@ -63,7 +63,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _make_settings(options: argparse.Namespace) -> Settings:
-    """The settings with the place and the time that the options state."""
+    """Make the settings with the options' position on the body and time."""
     by_date = bool(options.date or options.kernels)
     stated = {
         "body": options.body,
@@ -128,7 +128,7 @@ def _find_site(settings: Settings) -> SkyPlace | None:
 
 
 def _find_body_preset(body: str | None) -> list[str]:
-    """The shipped preset of a body, which states its planet and that planet's light; empty without one."""
+    """Find the shipped preset of a body, with the planet and its light; empty without such a preset."""
     name = f"bodies/{(body or '').strip().lower()}"
     return [name] if name in preset_names("bodies") else []
 

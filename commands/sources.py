@@ -61,7 +61,7 @@ def _read_preset(name: str) -> _Preset:
 
 
 def _measure_likeness(stated: Settings, settings: Settings, defaults: Settings) -> tuple[float, int]:
-    """The share of the stated values that are in the settings, and the number of these values.
+    """Return the share of the ``stated`` values that the settings contain, and the number of these values.
 
     Values that are defaults count only if all stated values are defaults.
     """

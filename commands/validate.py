@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..support.terminal import add_list, as_path
+from ..support.terminal import add_repeatable_option, as_path
 from ..validation.all_comparisons import MODULES
 from .renderer_options import add_blender_option
 
@@ -13,9 +13,9 @@ from .renderer_options import add_blender_option
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``validate``."""
     names = ", ".join(MODULES)
-    add_list(parser, "--only", "NAME", f"one comparison; may repeat ({names}; all)")
+    add_repeatable_option(parser, "--only", "NAME", f"one comparison; may repeat ({names}; all)")
     parser.add_argument("--quick", action="store_true", help="only what takes a minute, with fewer cases")
-    add_list(
+    add_repeatable_option(
         parser,
         "--own",
         "FILE.py",

@@ -102,8 +102,8 @@ def make_model_from_pinhole(
     k: Sequence[float] = (),
     most_px: float = FIT_LIMIT_PX,
 ) -> Cahvor:
-    """The model of a camera with matrix K (3, 3), ``rotation`` (3, 3) from world axes to its own, and distortion ``k``,
-    OpenCV's k1, k2, p1, p2, k3.
+    """Make the model of a camera with matrix K (3, 3), ``rotation`` (3, 3) from world axes to the camera's, and
+    distortion ``k``, OpenCV's k1, k2, p1, p2, k3.
 
     k1 and k2 are exact in CAHVOR, with O along A. For other coefficients the model is fitted to the lens over the
     image. Raises IcyMoonError if the fit is off by more than ``most_px``.
@@ -306,7 +306,7 @@ _NOT_THE_IMAGE = ("THUMBNAIL", "BROWSE", "REQUEST", "SUBFRAME")
 
 
 def read_model(path: Path) -> Cahvor:
-    """A camera model from a ``.cahvor`` file, or from a PDS3 label with the group GEOMETRIC_CAMERA_MODEL.
+    """Read a camera model from a ``.cahvor`` file, or from a PDS3 label with the group GEOMETRIC_CAMERA_MODEL.
 
     The size in pixels is stated by the label's object IMAGE, or by its only image. Raises IcyMoonError if the file has
     no camera model, or an incomplete one.

@@ -20,7 +20,7 @@ _SUM_ERROR = 2.0**-20
 
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
-    """The index of the part, and of the channel in it, for each of the bands R, G and B of a pass ``LAYER.PASS``."""
+    """Find the indices (part, channel) of each of the bands R, G and B of the pass ``wanted`` (``LAYER.PASS``)."""
     return {
         name[-1]: (number, k)
         for number, part in enumerate(parts)
@@ -30,14 +30,14 @@ def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
 
 
 def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, Array]:
-    """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if a band is missing."""
+    """Read the bands R, G and B of a pass, each (height, width) float32. Raises KeyError if a band is missing."""
     found = _find_bands(parts, wanted)
     decoded = {number: parts[number].decode() for number in {number for number, _ in found.values()}}
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
 
 
 def add_group(image: Sequence[Piece], other: Sequence[Piece], group: str) -> list[Piece]:
-    """The parts of ``image`` with the light of a light group of ``other`` added to their image and to this light group.
+    """Add a light group's light from ``other`` to the image and to this light group of ``image``; return the parts.
 
     Raises ValueError or KeyError for parts that cannot be added.
     """
@@ -47,7 +47,7 @@ def add_group(image: Sequence[Piece], other: Sequence[Piece], group: str) -> lis
 
 
 def add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> list[Piece]:
-    """The parts of ``image`` with ``light`` (bands R, G, B by pass ``LAYER.PASS``) added to the passes that it has.
+    """Add ``light`` (bands R, G, B by pass ``LAYER.PASS``) to the existing passes of ``image``; return the parts.
 
     Raises as ``add_group`` does.
     """
@@ -108,7 +108,7 @@ def measure_baked_noise(image: Sequence[Piece]) -> float | None:
 
 
 def is_sum_of_lights(image: Sequence[Piece]) -> bool:
-    """Whether the image is the sum of its light groups, so that it need not be stored beside them. False if it was
+    """Return whether the image is the sum of its light groups, so that only they need to be stored. False if it was
     denoised, has no groups, or is of an unsupported kind."""
     try:
         parts = [Pixels(piece) for piece in image]

@@ -119,8 +119,9 @@ def decoding_budget(size: int) -> Budget:
 
 
 def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
-    """The parts of an EXR file, whose chunks must lie in the file without overlap and in the part's image. ``tiles``
-    allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError for a damaged file, or deep data."""
+    """Read the parts of an EXR file, whose chunks must lie in the file without overlap and in the part's image.
+    ``tiles`` allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError for a damaged file, or deep
+    data."""
     cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER_BYTES))
     magic, version = cursor.unpack("<2I")
     flags = version & ~0xFF
@@ -292,7 +293,7 @@ def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, 
 
 
 def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
-    """The parts of a file whose values may all be decoded: they fit into its ``decoding_budget``.
+    """Read the parts of a file whose values all fit into its ``decoding_budget``.
 
     ``tiles`` and errors are as of ``read_layout``.
     """

@@ -46,8 +46,8 @@ class Piece:
 
 
 def read_pieces(data: bytes) -> list[Piece]:
-    """The parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for another kind of file,
-    and for one whose values take more memory than its size allows."""
+    """Read the parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for another kind of
+    file, and for values that take more memory than the file's size allows."""
     return [
         Piece(part.stated, [data[begin:end] for begin, end in part.places.tolist()])
         for part in check_decodable(ForeignBytes(data, len(data), Budget()))
@@ -55,7 +55,7 @@ def read_pieces(data: bytes) -> list[Piece]:
 
 
 def assemble(parts: Sequence[Piece]) -> bytes:
-    """An EXR file of these parts; their names must differ."""
+    """Assemble the bytes of an EXR file from these parts, whose names must differ."""
     headers = b"".join(b"".join(part.attributes.values()) + b"\0" for part in parts) + b"\0"
     long_names = any(len(name) > 31 for part in parts for name in part.attributes)
     place = _FILE_START.size + len(headers) + 8 * sum(len(part.chunks) for part in parts)
@@ -70,8 +70,8 @@ def assemble(parts: Sequence[Piece]) -> bytes:
 
 
 def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
-    """A part with only the chunks that contain some of ``rows``, counted from the top of the part, and the number of
-    rows in the first chunk before them. Raises ValueError for rows outside the part."""
+    """Keep only a part's chunks that contain some of ``rows``, counted from its top; also return the number of rows in
+    the first chunk before them. Raises ValueError for rows outside the part."""
     left, top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
     if not 0 <= rows.start < rows.stop <= bottom - top + 1:
         raise ValueError(f"it has no lines {rows.start} to {rows.stop}")
@@ -89,8 +89,8 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
 
 
 def keep_part_attributes(piece: Piece, name: str) -> Piece:
-    """A part without attributes about its render, with the name, type and number of chunks that a file of several parts
-    needs. ``name`` is used for a part without a name."""
+    """Drop a part's attributes about its render, and add the name, type and number of chunks that a file of several
+    parts needs. ``name`` is used for a part without a name."""
     kept = {
         key: value
         for key, value in piece.attributes.items()
@@ -110,7 +110,7 @@ def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
 def join_layers(
     layers: Mapping[str, Sequence[Piece]], less: Callable[[Piece], Piece | None] = lambda piece: piece
 ) -> bytes:
-    """One EXR file with the parts of several files, by layer. ``less`` maps each part to the part to keep, or to None.
+    """Join the parts of several files, by layer, in one EXR file. ``less`` maps a part to its replacement or to None.
     The only part of a layer, if it has no name, gets the layer's name."""
     return assemble(
         [

@@ -75,14 +75,14 @@ class Pixels:
         return found
 
     def _view_raw(self, stored: np.dtype[Any]) -> Array:
-        """The chunks of a part without compression, each a line with its number and bytes."""
+        """View the chunks of an uncompressed part as a structured array: row number and bytes of each."""
         chunk = _raw_chunk_type(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
             raise ValueError("a line has the wrong size")
         return np.frombuffer(b"".join(self._piece.chunks), chunk)
 
     def compress(self) -> Piece:
-        """The part, compressed by ZIP unless it is compressed already. Raises as ``decode`` does."""
+        """Compress the part by ZIP unless it is compressed already. Raises as ``decode`` does."""
         if self._compression:
             return self._piece
         starts = _empty_chunks(self._top, self._height)
@@ -94,7 +94,7 @@ class Pixels:
         return Pixels(Piece(stated, starts)).encode(self.decode())
 
     def encode(self, values: Array) -> Piece:
-        """The part with other values of the same shape."""
+        """Return the part with other values (height, channel, width) of the same shape."""
         return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
@@ -114,7 +114,7 @@ class Pixels:
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(values, self._line))
 
     def replace_channels(self, name: str, components: Sequence[str], values: Array) -> Piece:
-        """A part of the same size with other channels: ``name`` and a component of ``components`` each, with ``values``
+        """Return a part of the same size with other channels: ``name`` with each of ``components``, and ``values``
         (height, channel, width)."""
         channels = (
             b"".join(f"{name}.{component}".encode() + _CHANNEL_ENTRIES[_FLOAT_TYPE] for component in components) + b"\0"
@@ -217,7 +217,7 @@ def _pack(raw: bytes) -> bytes:
 
 
 def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, Array]]]:
-    """For each part of an EXR file its view, empty if it states none, and its channels by name, (H, W) float32.
+    """Decode each part of an EXR file: its view, empty without one, and its channels by name, (H, W) float32.
 
     Raises ValueError, KeyError or OverBudgetError for a file that is damaged or of another kind.
     """
@@ -229,7 +229,7 @@ def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, Array]]]:
 
 
 def compress(piece: Piece) -> Piece:
-    """A part, compressed by ZIP if it was not compressed.
+    """Compress a part by ZIP if it is not compressed.
 
     A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """
@@ -241,7 +241,7 @@ def compress(piece: Piece) -> Piece:
 
 
 def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
-    """A part without the channels of some passes (``LAYER.PASS``); None if it has no other channels.
+    """Drop a part's channels of ``unwanted`` passes (``LAYER.PASS``); return None if no channel remains.
 
     A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """
@@ -256,7 +256,7 @@ def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
 
 
 def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
-    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats. The passes stay unchanged if a value is
+    """Round the values of some passes (``LAYER.PASS``) to 16-bit floats. The passes stay unchanged if a value is
     too large for 16 bits, or if many values are so small that their RMS rounding error exceeds one in two thousand.
 
     A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.

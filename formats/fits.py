@@ -30,7 +30,7 @@ class Image:
 
 
 def encode_fits(images: Sequence[Image]) -> bytes:
-    """The bytes of a FITS file: the first image, then the others as extensions, all 32-bit floats.
+    """Encode a FITS file: the first image, then the others as extensions, all 32-bit floats.
 
     The first row of our images is the top one; in FITS it is the bottom row, as its viewers show it.
     """

@@ -36,7 +36,7 @@ _TILE_NAME = re.compile(r"[NSns]\d{2}[EWew]\d{3}")
 
 
 def quote_name(name: str) -> str:
-    """A file's name as one word of a command."""
+    """Quote a file's name so that it is one word of a command."""
     if _PLAIN_NAME.fullmatch(name):
         return name
     safe = f"./{name}" if name.startswith("-") else name
@@ -93,8 +93,8 @@ def make_sphere_option(radius_m: float) -> str:
 
 
 def advise(path: Path, start: bytes, body_radius_m: float) -> str:
-    """The end of a sentence about a height map of ``SUFFIXES``, with the command that converts it to GeoTIFF. Its first
-    bytes ``start`` show whether an image contains its label."""
+    """Return the end of a sentence about a height map of ``SUFFIXES``, with the command that converts it to GeoTIFF.
+    Its first bytes ``start`` show whether an image contains its label."""
     suffix, name = path.suffix.lower(), path.name
     kind = SUFFIXES[suffix]
     if suffix == ".hgt" and not _TILE_NAME.match(name):
@@ -116,8 +116,8 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
 
 
 def _find_label(path: Path, start: bytes) -> Path | None:
-    """The file that GDAL opens for an image: the image if it contains its label or has a header beside it, else its
-    label; None without label and header."""
+    """Find the file that GDAL opens for an image: the image if it contains its label or has a header beside it, else
+    its label; None without label and header."""
     if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):
         return path
     if any(path.with_suffix(suffix).is_file() for suffix in (".hdr", ".HDR")):

@@ -90,7 +90,7 @@ def read_numbers(directory: Sequence[Any], doubles: Sequence[Any], wanted: Colle
 
 
 def geokeys_from_json(stated: object) -> GeoKeys | None:
-    """The GeoKeys of a ``pair.json``; None if it states none, or something else."""
+    """Parse the GeoKeys of a ``pair.json``; None if they are missing or malformed."""
     texts = [stated.get(key) for key in ("directory", "doubles", "text")] if isinstance(stated, Mapping) else []
     known = [each for each in texts if isinstance(each, str) and len(each) <= _MOST_LETTERS]
     if len(known) != 3:

@@ -213,7 +213,7 @@ def describe_map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class MapPlace:
-    """The place of the site's origin on a map, and the scale there.
+    """The position of the site's origin on a map, and the scale there.
 
     A point at (x, y) metres east and north of the origin has the map coordinates ``origin`` + (x / ``scale[0]``, y /
     ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
@@ -236,7 +236,7 @@ class MapPlace:
     bounds: tuple[float, float, float, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """The place as a table for ``pair.json`` and exports."""
+        """Return the map position as a table for ``pair.json`` and exports."""
         return {
             "crs": self.crs,
             "datum": self.datum,
@@ -256,10 +256,10 @@ class MapPlace:
 class GeoTiff:
     """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, NaN where missing.
 
-    ``pixel_m`` is the size of a pixel (east, north) on the ground. ``corner_m`` is the place of the centre of the lower
-    left pixel, from the origin of the ``Site``, or without one in map coordinates. Both are None if the file does not
-    state them; ``unplaced`` is then the reason, as the end of a sentence. ``report`` lists the file's statements about
-    its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of the whole file.
+    ``pixel_m`` is the size of a pixel (east, north) on the ground. ``corner_m`` is the position of the centre of the
+    lower left pixel, from the origin of the ``Site``, or without one in map coordinates. Both are None if the file does
+    not state them; ``unplaced`` is then the reason, as the end of a sentence. ``report`` lists the file's statements
+    about its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of the whole file.
     """
 
     heights_m: Array
@@ -289,7 +289,7 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
 
 
 def read_place(path: Path, site: Site) -> MapPlace | None:
-    """The place of a site on the map of a file, without heights; None if the file has no map.
+    """Read the position of a site on the map of a file, without heights; None if the file has no map.
 
     Raises IcyMoonError if the file is damaged or its map does not contain the site.
     """
@@ -308,8 +308,8 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
 
 
 def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
-    """The reason why a file does not state the ground size of its pixels, as the end of a sentence, from its tags;
-    empty if it states it.
+    """Find from a file's tags why they lack the ground size of a pixel, as the end of a sentence; empty if they have
+    it.
 
     ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError for a file that cannot be
     read.
@@ -433,8 +433,7 @@ def _place_site(
     site: Site | None,
     stored: GeoKeys | None,
 ) -> _Placed:
-    """The place of a site on a map. Raises UnreadError if it is outside the map system or the map's directions are
-    skewed."""
+    """Locate a site on a map. Raises UnreadError if it is outside the map system or the map's directions are skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
     first = corner[0] * unit, corner[1] * unit
     if site is None:
@@ -513,7 +512,7 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
 
 
 def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
-    """A place of a map with its scale. The scale is 1 if 1 is accurate to a thousandth, or if it is unknown."""
+    """Locate a map position with its scale, which is 1 if unknown or within a thousandth of 1."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
     place = MapPlace(
@@ -551,7 +550,7 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
 
 
 def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
-    """The command that cuts the requested part of a map around a place, true to scale."""
+    """Make the command that cuts the requested part of a map around a position, true to scale."""
     half = (map_of.size_m / 2) * _CUT_MARGIN
     return gdal_lines.make_warp_command(
         map_of.name,
@@ -563,7 +562,7 @@ def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
 
 
 def _flat_system_option(keys: Mapping[int, Any]) -> str:
-    """The option that states the horizontal map system of a file without its vertical one."""
+    """Make the command option for the horizontal map system of a file without its vertical one."""
     text = make_crs_text(keys, 1.0)
     return f'-a_srs "{text}"' if text else ""
 
@@ -605,7 +604,7 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
 
 
 def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
-    """A warning if a file states no unit for its heights, but a unit other than the metre for its coordinates."""
+    """Warn if a file has no unit for its heights, but a unit other than the metre for its coordinates."""
     if unit_m is None or math.isclose(unit_m, 1.0, rel_tol=1e-6):
         return []
     name = next(
@@ -805,9 +804,9 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
 
 
 def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of the
-    south-western pixel; None if the file does not state them. Raises UnreadError for a
-    turned grid and for pixels of negative height."""
+    """Read the steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of
+    the south-western pixel; None if the file lacks them. Raises UnreadError for a rotated grid and for pixels of
+    negative height."""
     tags, (rows, columns) = image.tags, image.shape
     if 33550 in tags:
         east, down = (float(v) for v in tags[33550][:2])

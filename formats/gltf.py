@@ -107,8 +107,8 @@ def _find_inside(path: Path, uri: str) -> Path:
 
 
 def _read_count(table: dict[str, Any], key: str, default: int | None = None) -> int:
-    """A whole number of 0 or more. Raises ValueError for any other value, KeyError for a required
-    one that is missing."""
+    """Read a whole number of 0 or more. Raises ValueError for any other value, KeyError if it is missing and has no
+    default."""
     value = table[key] if default is None else table.get(key, default)
     if not COUNT.fits(value):
         raise ValueError(f"{key} is {shorten(repr(value))}, not {COUNT.name}")

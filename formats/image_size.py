@@ -114,8 +114,8 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
 
 
 def read_webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
-    """Width and height in the first bytes of a WebP part; None if it states none. Raises ValueError or struct.error if
-    its beginning is damaged."""
+    """Read width and height, px, from the first bytes of a WebP chunk; None for a chunk without them. Raises ValueError
+    or struct.error if its beginning is damaged."""
     if kind == b"VP8X":
         width, width_high, height, height_high = struct.unpack_from("<4xHBHB", body)
         return 1 + width + (width_high << 16), 1 + height + (height_high << 16)

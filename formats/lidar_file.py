@@ -198,8 +198,7 @@ def _make_instrument(values: Mapping[str, Any]) -> Instrument:
 def change_lidar(
     lidar: LidarFile, rows: int | None, columns: int | None, rays: int | None, returns: Reported | None
 ) -> LidarFile:
-    """The scanner with another number of rows, columns or rays per beam, or other reported returns; None keeps its own
-    value."""
+    """Change a scanner's number of rows, columns or rays per beam, or its reported returns; None keeps a value."""
     own = lidar.instrument
     pattern = replace(
         own.pattern,

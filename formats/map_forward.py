@@ -100,10 +100,10 @@ _FORWARDS: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] =
 
 
 def project_point(system: MapSystem, longitude_deg: float, latitude_deg: float, turns: int = 0) -> tuple[float, float]:
-    """The place on a map, in metres, at a longitude and latitude in degrees.
+    """Project a longitude and latitude in degrees to map coordinates in metres.
 
-    The longitude is taken within 180° of the central one; ``turns`` adds full turns, for maps that go on beyond their
-    edge. Raises ValueError for a place that the projection does not have.
+    The longitude is taken within 180° of the central one; ``turns`` adds multiples of 360°, for maps that go on beyond
+    their edge. Raises ValueError for a point that the projection cannot show.
     """
     apart = (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0 + 360.0 * turns
     x, y = _FORWARDS[system.kind](system, math.radians(apart), math.radians(latitude_deg))

@@ -86,7 +86,7 @@ class MapFrame:
 
 
 def map_frame_from_json(ground: object) -> MapFrame | None:
-    """The frame of the entry ``ground`` of a ``pair.json``; None if the entry states no map system."""
+    """Read the frame from the entry ``ground`` of a ``pair.json``; None for an entry without a map system."""
     place = ground.get("map") if isinstance(ground, Mapping) else None
     if not isinstance(place, Mapping):
         return None
@@ -111,6 +111,6 @@ def map_frame_from_json(ground: object) -> MapFrame | None:
 
 
 def describe_cameras(ground: object, poses: Mapping[str, Array]) -> dict[str, Any]:
-    """Each camera of a pair in map coordinates, by its name; empty if the ground states no map system."""
+    """Describe each camera of a pair in map coordinates, by its name; empty for ground without a map system."""
     frame = map_frame_from_json(ground)
     return {name: frame.describe_camera(np.asarray(pose, np.float64)) for name, pose in poses.items()} if frame else {}

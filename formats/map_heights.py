@@ -135,7 +135,7 @@ def read_means(
     missing: float | None,
     height_scale: float = 1.0,
 ) -> MapMeans:
-    """The means of a map over the cells of ``levels``, see ``measure_levels``.
+    """Read the mean heights of a map over the cells of ``levels``, see ``measure_levels``.
 
     ``missing`` marks missing values beside the file's own marks; ``height_scale`` multiplies the heights. Raises
     IcyMoonError for a file that is not a height map, has no place, is of another body, has an unsupported projection,
@@ -204,8 +204,7 @@ class _FileBlocks:
 
 
 def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
-    """Parts of a range, cut at multiples of ``step``. With ``turned``, the number of pixels, multiples count from the
-    other edge."""
+    """Cut a range at multiples of ``step``, counted from the other edge with ``turned``, the number of pixels."""
     there = reverse_range(wanted, turned) if turned else wanted
     start = there.start
     while start < there.stop:
@@ -215,7 +214,7 @@ def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
 
 
 def _place_pixels(blocks: _FileBlocks, frame: MapFrame) -> MapPixels:
-    """The pixels of a file about a site. Raises UnreadError if they do not contain it."""
+    """Find the pixels of a file around a site. Raises UnreadError if the site is outside."""
     placed, grid = blocks.placed, blocks.placed.grid
     if placed.way is None:
         per_m = tuple(1 / (frame.scale[k] * grid.size[k]) for k in range(2))
@@ -264,15 +263,15 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
 
 
 def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) -> list[LevelMeans]:
-    """The mean heights of a map over the cell around each point of each level.
+    """Measure the mean height of a map over the cell around each point of each level.
 
-    The known share is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In another projection,
-    cells lie along the axes of the map and are as wide there as the level's cells. Raises UnreadError for a map that is
-    bent or torn around the site.
+    The share of known heights is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In another
+    projection, cells lie along the axes of the map and are as wide there as the level's cells. Raises UnreadError for a
+    map that is bent or torn around the site.
     """
     found: list[LevelMeans] = []
     for level in reversed(levels):
-        places = _find_places(pixels, level)
+        places = _make_resampling_grid(pixels, level)
         wide = places.squares.widened(max(WIDE_CELLS, wide_m / level.cell_m))
         sums = SquareSums(places.squares.at_least(_LEAST_HALF), wide.at_least(_LEAST_HALF))
         rows, columns = _find_window(sums.wide, pixels.shape)
@@ -316,7 +315,7 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _ResamplingGrid:
     """The square windows over which pixels are averaged, and the positions ``at`` (column, row) of a level's points
     between them, in steps of windows; ``at`` is None if the points are the middles of the windows."""
 
@@ -333,11 +332,11 @@ class _Places:
         return LevelMeans(np.where(some, total / np.where(some, weight, 1.0), np.nan), share)
 
 
-def _find_places(pixels: MapPixels, level: Level) -> _Places:
+def _make_resampling_grid(pixels: MapPixels, level: Level) -> _ResamplingGrid:
     axis = level.axis_m
     if pixels.way is None:
         columns, rows = (pixels.origin[k] + axis * pixels.per_m[k] for k in range(2))
-        return _Places(
+        return _ResamplingGrid(
             Squares(columns, rows, (level.cell_m * pixels.per_m[0] / 2, level.cell_m * pixels.per_m[1] / 2)), None
         )
     some = np.linspace(-level.half_m, level.half_m, _PLACES)
@@ -360,4 +359,4 @@ def _find_places(pixels: MapPixels, level: Level) -> _Places:
     share = (axis + level.half_m) / step
     y, x = np.meshgrid(share, share, indexing="ij")
     at = [(interpolate_pixels(found[..., k], x, y) - low[k]) / steps[k] for k in range(2)]
-    return _Places(squares, (at[0], at[1]))
+    return _ResamplingGrid(squares, (at[0], at[1]))

@@ -64,22 +64,22 @@ def _read(foreign: ForeignBytes, frame: MapFrame, size_m: float, seen_m: float) 
     pixel = _find_pixel(placed, frame)
     wide_m = max(size_m, min(seen_m, _MOST_SEEN * min(pixel[k] * frame.scale[k] for k in range(2))))
     found = _cut_out(there, frame, wide_m) if placed.way is None else _project(there, frame, wide_m, placed.way)
-    made = _fill(found, size_m, frame, placed, foreign.name)
+    made = _fill_gaps_with_mean(found, size_m, frame, placed, foreign.name)
     return _frame_by_mean(made) if seen_m > size_m else made
 
 
 def _find_pixel(placed: PlacedImage, frame: MapFrame) -> tuple[float, float]:
     """The size of a pixel of an image in metres along x and y of the ground's map."""
-    return placed.grid.size if placed.way is None else _pixel_on_ground_map(placed.grid, frame, placed.way)
+    return placed.grid.size if placed.way is None else _measure_pixel_m(placed.grid, frame, placed.way)
 
 
 def _frame_by_mean(made: MapImage) -> MapImage:
-    """An image whose outermost pixels, which are repeated beyond it, are its mean."""
+    """Set the outermost pixels of an image, which are repeated beyond it, to its mean."""
     values = np.pad(made.values[1:-1, 1:-1], 1, constant_values=made.mean)
     return replace(made, values=values)
 
 
-def _box_of_ground(frame: MapFrame, size_m: float) -> _Box:
+def _find_ground_box(frame: MapFrame, size_m: float) -> _Box:
     """West, south, east and north edge of the ground in metres of its map."""
     half = size_m / 2
     west, south = (frame.origin[k] - half / frame.scale[k] for k in range(2))
@@ -100,7 +100,7 @@ class _Cut:
 def _cut_out(there: PlacedReader, frame: MapFrame, size_m: float) -> _Cut:
     """The pixels of the image itself over the ground."""
     grid = there.grid
-    west, south, east, north = _box_of_ground(frame, size_m)
+    west, south, east, north = _find_ground_box(frame, size_m)
     (left, right), (low, high) = (
         tuple(map(float, each)) for each in grid.to_pixels(*map(np.array, ([west, east], [south, north])))
     )
@@ -112,16 +112,16 @@ def _cut_out(there: PlacedReader, frame: MapFrame, size_m: float) -> _Cut:
 
 
 def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _Cut:
-    """The image interpolated on cells along the map of the ground, as wide as its pixels there."""
-    west, south, east, north = _box_of_ground(frame, size_m)
-    size = _pixel_on_ground_map(there.grid, frame, way)
+    """Interpolate the image on cells along the ground's map, as wide as the image's pixels there."""
+    west, south, east, north = _find_ground_box(frame, size_m)
+    size = _measure_pixel_m(there.grid, frame, way)
     count = tuple(
         math.ceil(wide / each) + 2 * _BESIDE for wide, each in ((east - west, size[0]), (north - south, size[1]))
     )
     _refuse_many(there, *count)
     start = west - _BESIDE * size[0], south - _BESIDE * size[1]
-    x = _lattice(count[0])
-    y = _lattice(count[1])
+    x = _make_lattice_edges(count[0])
+    y = _make_lattice_edges(count[1])
     places = np.array([[way(start[0] + i * size[0], start[1] + j * size[1]) for i in x] for j in y])
     column, row = there.grid.to_pixels(places[..., 0], places[..., 1])
     columns = range(math.floor(column.min()) - _BESIDE, math.ceil(column.max()) + _BESIDE)
@@ -130,7 +130,7 @@ def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _
     values = there.read(rows, columns)[::-1]  # from the south, as the rows count
     made = np.empty((count[1], count[0]))
     for k in range(count[1]):
-        at = [_along_row(each, x, y, k + 0.5) for each in (column, row)]
+        at = [_interpolate_row(each, x, y, k + 0.5) for each in (column, row)]
         made[count[1] - 1 - k] = interpolate_pixels(values, at[0] - columns.start - 0.5, at[1] - rows.start - 0.5)
     return _Cut(made, *start, size)
 
@@ -144,19 +144,19 @@ def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
         )
 
 
-def _lattice(count: int) -> Array:
+def _make_lattice_edges(count: int) -> Array:
     """Edges of cells, every ``_LATTICE`` of them, from the first one to the last."""
     return np.linspace(0.0, count, math.ceil(count / _LATTICE) + 1)
 
 
-def _along_row(values: Array, x: Array, y: Array, at_y: float) -> Array:
+def _interpolate_row(values: Array, x: Array, y: Array, at_y: float) -> Array:
     """Values on a lattice (y, x) at the middles of the cells of a row, bilinear."""
     k = min(int(np.searchsorted(y, at_y)), len(y) - 1)
     share = (at_y - y[k - 1]) / (y[k] - y[k - 1])
     return np.interp(np.arange(x[-1]) + 0.5, x, (1 - share) * values[k - 1] + share * values[k])
 
 
-def _pixel_on_ground_map(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, float]:
+def _measure_pixel_m(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, float]:
     """The size of a pixel of the image, in metres along x and y of the ground's map at the origin of the site."""
     step = 1.0
     x, y = frame.origin
@@ -166,7 +166,7 @@ def _pixel_on_ground_map(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, 
     return step / float(np.hypot(*along_x)), step / float(np.hypot(*along_y))
 
 
-def _fill(found: _Cut, size_m: float, frame: MapFrame, placed: PlacedImage, name: str) -> MapImage:
+def _fill_gaps_with_mean(found: _Cut, size_m: float, frame: MapFrame, placed: PlacedImage, name: str) -> MapImage:
     """The image in the frame of the site, with the mean where it has no values. Raises UnreadError if it has none over
     the ground, or only black ones."""
     pixel = found.size[0] * frame.scale[0], found.size[1] * frame.scale[1]

@@ -44,7 +44,7 @@ class MapExtent:
     unit_m: float
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a place is on the map, within rounding."""
+        """Return whether map coordinates, m, are on the map, within rounding."""
         slack = _ROUNDED * (self.east - self.west + self.north - self.south)
         west, east, south, north = self.west - slack, self.east + slack, self.south - slack, self.north + slack
         return west <= x <= east and south <= y <= north
@@ -63,7 +63,7 @@ class MapExtent:
 def find_point(
     point: MapPoint, system: MapSystem | None, keys: Mapping[int, Any], extent: MapExtent, name: str
 ) -> tuple[float, float]:
-    """The place of a point in the metres of its map. ``name`` is the file's, for commands.
+    """Find a point's map coordinates in metres. ``name`` is the file's, for commands.
 
     Raises UnreadError for a point outside the map, and for a map with unknown longitudes.
     """
@@ -101,8 +101,8 @@ def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
 
 
 def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
-    """The map positions of a longitude and latitude: first the position nearest to the map's middle, then the positions
-    a full turn east and west of it.
+    """List the map positions, m, of a longitude and latitude, degrees: first the position nearest to the map's middle,
+    then those 360° east and west of it.
     """
     found = []
     for turns in (0, -1, 1):
@@ -123,9 +123,9 @@ def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
 
 
 def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, name: str) -> float:
-    """The latitude of a point in the map's convention: planetographic on an ellipsoid.
+    """Convert a point's latitude, degrees, to the map's convention: planetographic on an ellipsoid.
 
-    Raises UnreadError for a projection of an ellipsoid, whose places are known here to its flattening only.
+    Raises UnreadError for a projection of an ellipsoid, whose positions are known here only to its flattening.
     """
     major, minor = read_ellipsoid_m(keys)
     code = keys.get(_PROJECTED_KEY)

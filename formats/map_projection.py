@@ -57,7 +57,7 @@ class MapSystem:
 
 @dataclass(frozen=True)
 class LocalScale:
-    """The ground at a place of a map. ``east`` and ``north`` are metres of ground per metre of map along its x and y.
+    """The scale at a point of a map. ``east`` and ``north`` are metres of ground per metre of map along its x and y.
     ``north_deg`` is the clockwise angle in degrees from the map's y to north, and ``skew_deg`` the deviation of the two
     directions from a right angle."""
 
@@ -70,7 +70,7 @@ class LocalScale:
 
 
 def find_local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
-    """The scale of a map at a place, in map coordinates in metres. A pole, which has every longitude, gets the map's
+    """Find the scale of a map at map coordinates in metres. A pole, which has every longitude, gets the map's
     central longitude. Raises ValueError beyond the map's edge."""
     longitude, latitude = system.to_sphere(x_m, y_m)
     if math.radians(90.0 - abs(latitude)) * system.radius_m < _AT_POLE_M:
@@ -292,7 +292,7 @@ def states_degrees(keys: Mapping[int, Any]) -> bool:
 
 
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
-    """The projection that GeoKeys state; None for an unsupported one. ``unit_m`` is the unit of lengths."""
+    """Read the projection from GeoKeys; None for an unsupported one. ``unit_m`` is the file's unit in metres."""
     if states_degrees(keys):
         radius = find_geographic_radius_m(keys)
         return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)
@@ -333,7 +333,7 @@ def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSyst
     return MapSystem(
         kind,
         kind,
-        _sphere_m(keys),
+        _volumetric_radius_m(keys),
         longitude,
         latitude,
         first,
@@ -368,8 +368,8 @@ _GREENWICH = 8901
 
 
 def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
-    """The map system that GeoKeys state, as PROJ and GDAL take it: ``EPSG:`` and its number, or a PROJ string in the
-    unit of the file; empty if they state no system or an unknown one.
+    """Make the map system of GeoKeys as text for PROJ and GDAL: ``EPSG:`` and its number, or a PROJ string in the
+    unit of the file; empty without a system or for an unknown one.
     """
     geographic = states_degrees(keys)
     code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
@@ -421,12 +421,12 @@ def find_geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
     """Radius of the body to which a file's longitudes and latitudes belong; None if the file states neither a radius
     nor a system of Earth."""
     if _SEMI_MAJOR_KEY in keys:
-        return _sphere_m(keys)
+        return _volumetric_radius_m(keys)
     return _EARTH_RADIUS_M if keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED) in _EARTH_SYSTEMS else None
 
 
-def _sphere_m(keys: Mapping[int, Any]) -> float:
-    """Radius of the sphere with the volume of the body's ellipsoid; Earth's if the file states none."""
+def _volumetric_radius_m(keys: Mapping[int, Any]) -> float:
+    """Compute the radius, m, of the sphere with the volume of the body's ellipsoid; Earth's radius without one."""
     major, minor = read_ellipsoid_m(keys)
     return float((major * major * minor) ** (1 / 3)) if major else _EARTH_RADIUS_M
 

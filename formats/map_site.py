@@ -89,7 +89,7 @@ def refuse_unknown_pixel_size(path: Path, unplaced: str, source: SourceSettings)
 
 
 def make_map_site(settings: Settings) -> Site:
-    """The part of a map that the settings of a height map request. Raises IcyMoonError for half a place."""
+    """Make the site that a height map's settings request. Raises IcyMoonError if one of two coordinates is missing."""
     source, terrain = settings.source, settings.terrain
     return Site(
         bool(source.centre),
@@ -101,8 +101,8 @@ def make_map_site(settings: Settings) -> Site:
 
 
 def _find_stated_point(source: SourceSettings) -> MapPoint | None:
-    """The place that the settings state by coordinates; None without coordinates. Raises IcyMoonError for half a place,
-    and for impossible coordinates."""
+    """Find the point that the settings give by coordinates; None without coordinates. Raises IcyMoonError if one of two
+    is missing, and for impossible coordinates."""
     if source.site == "OFFSET":
         return None
     degrees = source.site == "DEGREES"

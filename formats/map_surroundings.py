@@ -56,7 +56,7 @@ def plan_from_files(settings: Settings, files: Mapping[str, Path]) -> list[Level
 
 
 def find_map_frame(path: Path, settings: Settings) -> MapFrame | None:
-    """The frame of the site of the settings on the map of a file, heights from the file's own zero; None without a
+    """Find the frame of the settings' site on a file's map, with heights above the file's zero; None without a
     coordinate system. Raises IcyMoonError for a file that cannot be read, and for a site that is not on its map."""
     if settings.source.metres_per_pixel > 0 or path.suffix.lower() not in (".tif", ".tiff"):
         return None
@@ -90,7 +90,8 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
         return []
     longitude, latitude = frame.system.to_sphere(*frame.origin)
     target = f"+proj=ortho +lat_0={latitude:.9f} +lon_0={longitude:.9f} +R={radius_m:.1f} +units=m +no_defs"
-    fix = f"project it about the site in its folder with: {gdal_lines.make_warp_command(name, _state_target(target))}"
+    command = gdal_lines.make_warp_command(name, _make_target_option(target))
+    fix = f"project it about the site in its folder with: {command}"
     if not math.isfinite(share):
         raise IcyMoonError(
             f"{name}: has a map that ends before source.surroundings_m = {reach_m:g} m; lower it, or {fix}"
@@ -101,14 +102,14 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
     ]
 
 
-def _state_target(target: str) -> str:
-    """The option of ``gdalwarp`` that states a coordinate system to project to."""
+def _make_target_option(target: str) -> str:
+    """Make the option of ``gdalwarp`` for the coordinate system to project to."""
     return f'-t_srs "{target}"'
 
 
 def measure_displacement(frame: MapFrame, system: MapSystem, distance_m: float) -> float:
-    """The largest horizontal displacement of ground from its place on the tangent plane of the site, over its distance;
-    infinite outside the map."""
+    """Measure the largest horizontal displacement of ground from its position on the site's tangent plane, relative to
+    its distance; infinite outside the map."""
     longitude, latitude = system.to_sphere(*frame.origin)
     seen = replace(MapSystem("Orthographic", "", system.radius_m), longitude_deg=longitude, latitude_deg=latitude)
 

@@ -136,7 +136,7 @@ def estimate_cost(path: Path) -> Cost:
 
 
 def _read_triangle_count(kind: str, path: Path) -> int | None:
-    """The number of triangles that the header states, if it does."""
+    """Read the number of triangles from the header; None if the header lacks it."""
     if kind == "PLY":
         return ply.count_triangles(path)
     if kind == "STL":

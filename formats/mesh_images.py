@@ -119,7 +119,7 @@ def _decode_text(raw: bytes) -> str:
 
 
 def _find_beside(path: Path, name: str) -> Path:
-    """The file that the file ``path`` names: at the stated place, or with the same name in the folder of ``path``."""
+    """Find the file ``name`` that ``path`` refers to: at this relative path, else in the folder of ``path``."""
     stated = path.parent / name.replace("\\", "/")
     moved = path.parent / stated.name
     return moved if moved.is_file() and not stated.is_file() else stated
@@ -190,7 +190,7 @@ def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, M
 
 
 def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
-    """The unsupported request of a glTF material for its image, as a clause; empty if there is no such request."""
+    """Describe, as a clause, an unsupported request of a glTF material for its image; empty without such a request."""
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
         return "has separate UV coordinates"

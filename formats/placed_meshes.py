@@ -58,7 +58,7 @@ class PlacedMesh:
     places: Array
 
     def transform_to_instances(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Vertices, normals and triangles in the site's frame, for each of the instances."""
+        """Yield vertices (n, 3), m, normals (n, 3) and triangles (m, 3) of each instance in the site's frame."""
         for matrix in self.places:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
             turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
@@ -272,7 +272,7 @@ def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comme
 
 
 def _accessor(number: int, array: Array) -> dict[str, Any]:
-    """The glTF accessor of an array by its index; vertices, normals and triangles of each mesh take turns."""
+    """Make the glTF accessor of an array by its index; the order is vertices, normals, triangles, mesh by mesh."""
     if array.dtype.kind == "u":
         return {"bufferView": number, "componentType": _GLTF_UNSIGNED, "count": array.size, "type": "SCALAR"}
     # The format asks for the ends of positions.

@@ -64,7 +64,7 @@ class Grid:
 
 
 def reverse_range(wanted: range, count: int) -> range:
-    """The same pixels of a row or a column of ``count``, counted from its other end."""
+    """Convert a range of pixels in a row or column of ``count`` to indices from its other end."""
     return range(count - wanted.stop, count - wanted.start)
 
 
@@ -102,9 +102,9 @@ class PlacedImage:
 
 
 def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
-    """The image of a file on its map, for the ground of ``frame``.
+    """Open the image of a file with its map, for the ground of ``frame``.
 
-    Raises UnreadError for a file without a place, of another body, and in an unsupported projection.
+    Raises UnreadError for a file without a map position, of another body, and in an unsupported projection.
     """
     images = read_directories(foreign)
     image = images[0]
@@ -122,14 +122,14 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     system = read_system(keys, unit)
     same = _is_same_system(keys, system, make_geokeys(image.tags), frame)
     if same and system is not None and system.kind in _ROUND_THE_BODY:
-        grid = _turn_to_site(grid, system, frame)
+        grid = _shift_to_site(grid, system, frame)
     way = None if same else _find_way(keys, system, frame, grid, foreign.name)
     return PlacedImage(images, keys, grid, unit, way)
 
 
-def _turn_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
-    """The map of an image around the body, whose longitudes may count to 180 or to 360, shifted by whole turns to the
-    site."""
+def _shift_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
+    """Shift the grid of an image around the body, whose longitudes may count to 180 or to 360, by multiples of 360° to
+    the site."""
     once = project_point(system, system.longitude_deg, 0.0, 1)[0] - project_point(system, system.longitude_deg, 0.0)[0]
     middle = grid.west + grid.shape[1] * grid.size[0] / 2
     return replace(grid, west=grid.west + once * round((frame.origin[0] - middle) / once))
@@ -178,7 +178,7 @@ def _is_same_system(
 
 
 def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: Grid, name: str) -> Way:
-    """The conversion from a place on the map of the ground to a place on the map of the image, in metres. Raises
+    """Find the conversion from map coordinates of the ground to map coordinates of the image, in metres. Raises
     UnreadError, with the command that projects the image, if it is unknown."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
     fix = gdal_lines.make_warp_command(name, f'-t_srs "{target}"') if target else ""

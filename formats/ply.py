@@ -345,7 +345,7 @@ def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> 
 
 
 def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element) -> Iterator[list[float]]:
-    """The numbers of each row of an element without lists."""
+    """Yield the numbers of each row of an element without lists."""
     width = len(element.properties)
     for _ in range(element.count):
         number, line = next(lines, (0, b""))
@@ -423,7 +423,7 @@ def read_vertices(path: Path) -> Array | None:
 
 
 def read_properties(path: Path, *wanted: str) -> Array | None:
-    """The ``wanted`` properties (n, len(wanted)) float64 of the vertices, or None if the file's layout is unusual.
+    """Read the ``wanted`` properties (n, len(wanted)) float64 of the vertices; None if the file's layout is unusual.
 
     In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
     IcyMoonError if the file is not PLY, or a row is malformed or missing.
@@ -453,7 +453,7 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | 
 
 
 def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
-    """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), vertices of this file.
+    """Read texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), indices of this file's vertices.
 
     The coordinates of the file's faces keep seams, so they come before the coordinates of its vertices. None if the
     file has neither, or an unsupported layout: with coordinates of faces, vertices must come first and then triangles

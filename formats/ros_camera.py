@@ -112,7 +112,7 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
 
 
 def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-    """The part of the calibrated images that is read out: its corner, its width and its height."""
+    """Read the window of the calibrated images that is read out: corner, width and height, px."""
     if not isinstance(roi, dict):
         raise ValueError("roi is not a mapping")
     x, y, wide, high = (

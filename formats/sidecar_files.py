@@ -34,13 +34,13 @@ _MOST_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
-    """The reason why a map has no position, as the end of a sentence: it states none, and no world file is read."""
+    """Return the end of a sentence on a map without a position: the file has none, and world files are not read."""
     world = _find_world_file(path)
     return NO_PIXEL_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
 
 
 def describe_world_file(path: Path) -> list[str]:
-    """A clause on the world file of a map that does not state its place; empty without a world file."""
+    """Describe, as a clause, the world file of a map without a position; empty without a world file."""
     world = _find_world_file(path)
     return [f"{world.name} beside it, which states its place, {_not_read_text(path)}"] if world else []
 

@@ -125,7 +125,7 @@ class Directory:
     name: str = "in.tif"
 
     def number(self, tag: int, otherwise: int) -> int:
-        """First value of a tag of whole numbers."""
+        """Return the first value of a tag of whole numbers."""
         return int(self.tags.get(tag, (otherwise,))[0])
 
     @property
@@ -209,7 +209,7 @@ def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: st
 def read_pixels(
     foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
 ) -> tuple[Array, np.dtype[Any]]:
-    """The one band of an image as float64 (rows, columns), NaN for an absent tile, and its own number type. With a
+    """Read an image's one band as float64 (rows, columns), NaN for an absent tile, and the file's number type. With a
     ``window`` (rows, columns), only its tiles or strips are read. Raises UnreadError for an unsupported kind of image,
     or one that needs more memory than a file of its size may use. Raises ValueError, or an error of the decompressor,
     for a truncated file or an impossible window."""
@@ -301,7 +301,7 @@ def _find_overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
 
 
 def _find_number_type(image: Directory) -> np.dtype[Any]:
-    """The number type of the only band; bool for one bit. Raises UnreadError for any other kind."""
+    """Find the number type of the only band; bool for one bit. Raises UnreadError for an unsupported type."""
     bands = image.number(277, 1)
     if bands != 1:
         raise UnreadError(f"has {bands} bands, but only one can be read; {_convert_fix(image)}")

@@ -61,7 +61,7 @@ class MapPlace:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def make_tags(self) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
-        """The GeoTIFF tags that state this place."""
+        """Make the GeoTIFF tags for this map position."""
         keys = self.geokeys.for_areas_in_metres()
         return {
             33550: (_DOUBLE, [*self.pixel, 0.0]),
@@ -142,7 +142,7 @@ def _make_metadata(notes: Mapping[str, str], unit: str = "") -> bytes:
 
 
 def _assemble_file(tags: dict[int, tuple[tuple[int, str], list[float] | bytes]], strips: list[bytes]) -> bytes:
-    """The file: its header, the values of its tags, the strips, and the directory at the end."""
+    """Assemble the file's bytes: header, values of the tags, strips, and the directory at the end."""
     body = bytearray(b"II*\0\0\0\0\0")
     offsets = []
     for strip in strips:

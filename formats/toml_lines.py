@@ -38,7 +38,7 @@ def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
 
 
 def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
-    """The line, from 1, in which the value or table at ``key`` begins; None if the text lacks the key.
+    """Find the line, from 1, in which the value or table at ``key`` begins; None if the text lacks the key.
 
     ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` gives no lines, but
     the first lines of a file are often valid TOML too: the first valid beginning that contains the key ends with it,
@@ -102,7 +102,7 @@ def _split_key(name: str) -> tuple[str, ...]:
 
 
 def _find_table(parts: tuple[str, ...], counts: dict[Key, int], begins_another: bool) -> Key:
-    """The key of a header's table, with its place in each list; ``counts`` are the last places, by list."""
+    """Find the key of a header's table, with its index in each list; ``counts`` are the last indices, by list."""
     found: Key = ()
     for k, part in enumerate(parts):
         found = (*found, part)
@@ -122,7 +122,7 @@ class Place:
     key: Key = ()
 
     def at(self, *steps: str | int) -> Place:
-        """The place of a key below this key."""
+        """Return the position of a key below this key."""
         return Place(self.file, self.text, (*self.key, *steps))
 
     def __str__(self) -> str:

@@ -71,11 +71,11 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     axes = np.eye(3) if camera is None else camera
 
     def parse(foreign: ForeignBytes) -> Trajectory:
-        rows = _rows(foreign, names="CSV" in (kind, path.suffix[1:].upper()))
+        rows = _list_data_lines(foreign, names="CSV" in (kind, path.suffix[1:].upper()))
         first = next(rows, None)
         if first is None:
             raise ValueError("it has no poses")
-        return _Poses(kind or _kind_of(path, first[1]), axes).parse(first, rows)
+        return _Poses(kind or _detect_format(path, first[1]), axes).parse(first, rows)
 
     found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MOST_TEXT_BYTES)
     if times is None:
@@ -100,7 +100,7 @@ def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> s
     return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
-def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
+def _list_data_lines(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
     """Number and text of each line that is neither empty nor a comment (#). With ``names`` the first line is always
     returned, because EuRoC's names begin with #."""
     for number, line in foreign.lines():
@@ -110,7 +110,7 @@ def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str
             yield number, text
 
 
-def _kind_of(path: Path, first: str) -> str:
+def _detect_format(path: Path, first: str) -> str:
     if path.suffix.lower() == ".csv":
         return "CSV"
     count = len(first.split())
@@ -122,7 +122,7 @@ def _kind_of(path: Path, first: str) -> str:
 
 
 def _parse_times(foreign: ForeignBytes) -> tuple[Decimal, ...]:
-    return tuple(_parse_stamp_s(text, Decimal(1), number) for number, text in _rows(foreign))
+    return tuple(_parse_stamp_s(text, Decimal(1), number) for number, text in _list_data_lines(foreign))
 
 
 def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:

@@ -62,7 +62,7 @@ def write_number(value: float) -> str:
 
 
 def _scalar(text: str) -> Any:
-    """A number, a text, or None, as a plain or quoted scalar states it."""
+    """Convert a plain or quoted scalar to a number, a text, or None."""
     if text[:1] in ("'", '"'):
         if not _QUOTED_SCALAR.fullmatch(text):
             raise ValueError(f"{quote(text)} has no closing quote")
@@ -143,7 +143,7 @@ class _Block:
     def __init__(self, text: str) -> None:
         self.lines: list[tuple[int, int, str]] = []
         for number, line in enumerate(text.split("\n"), 1):
-            content = _without_comment(line).rstrip()
+            content = _strip_comment(line).rstrip()
             inner = content.lstrip(" ")
             if inner.startswith("\t"):
                 raise ValueError(f"line {number} is indented by a tab; use blanks")
@@ -199,7 +199,7 @@ class _Block:
         return found
 
     def _value(self, number: int, text: str, indent: int, depth: int, in_mapping: bool = False) -> Any:
-        """The value that begins with ``text`` in the line ``number``, or the lines nested below that line."""
+        """Parse the value that begins with ``text`` in the line ``number``, or in the lines nested below it."""
         for tag in _SKIPPED_TAGS:
             if text.split(" ", 1)[0] == tag:
                 text = text.removeprefix(tag).strip()
@@ -234,21 +234,21 @@ def _is_item(content: str) -> bool:
 
 def _opened(text: str) -> int:
     """Number of brackets that a text opens minus the number that it closes."""
-    plain = _masked(text)
+    plain = _mask_quotes(text)
     return plain.count("[") + plain.count("{") - plain.count("]") - plain.count("}")
 
 
-def _without_comment(line: str) -> str:
+def _strip_comment(line: str) -> str:
     """A line without the comment at its end. A comment is a # at the beginning or after a blank, outside quotes."""
     if "#" not in line:
         return line
-    masked = _masked(line)
+    masked = _mask_quotes(line)
     at = 0 if masked.startswith("#") else masked.find(" #")
     return line if at < 0 else line[:at]
 
 
-def _masked(text: str) -> str:
-    """A text of the same length with an x in place of each character in quotes."""
+def _mask_quotes(text: str) -> str:
+    """Replace each character in quotes by an x."""
     parts, at = [], 0
     while quote_mark := _QUOTE_MARK.search(text, at):
         start = quote_mark.start()

@@ -27,7 +27,7 @@ from ..support.errors import IcyMoonError
 class RenderedEye:
     """What one camera of a pair sees, on the pixels of the parallel rig: ``H`` rows from the top, ``W`` columns.
 
-    Everything is read from the disk when it is first asked for, and kept.
+    Everything is read from the disk at its first use and then stays in memory.
     """
 
     def __init__(self, pair: Pair, name: str) -> None:
@@ -176,7 +176,7 @@ class RenderedPair:
         return np.isfinite(self.left.depth_m) & ~self.visible
 
     def develop(self, *presets: str | Path, **changes: Mapping[str, Any]) -> DevelopedImages:
-        """The images that a camera takes of this pair: ``left`` and ``right``, uint16 (H, W) digital numbers.
+        """Make the images that a camera takes of this pair: ``left`` and ``right``, uint16 (H, W) digital numbers.
 
         ``presets`` and ``changes`` are of sensors and other settings that need no new render, such as
         ``develop("sensors/mer_ccd", sensor={"gain": 2.0})``; others keep the values of the pair. The same pair and
@@ -223,7 +223,7 @@ def _to_plain_numbers(value: object) -> Any:
 
 
 def open_pair(folder: str | Path) -> RenderedPair:
-    """The pair in a folder, or the only one of a data set. Its files are checked against their checksums.
+    """Open the pair in a folder, or the only pair of a data set, and check its files against their checksums.
 
     Raises IcyMoonError if there is no pair, if there are several, or if a file has changed since it was rendered.
     """
@@ -234,5 +234,5 @@ def open_pair(folder: str | Path) -> RenderedPair:
 
 
 def open_pairs(folder: str | Path) -> Iterator[RenderedPair]:
-    """The pairs of a data set, in the order of their ids, each checked when its turn comes; see ``open_pair``."""
+    """Yield the pairs of a data set in the order of their ids, each checked just before; see ``open_pair``."""
     return (RenderedPair(read_unchanged_pair(each)) for each in find_pair_folders(Path(folder)))

@@ -132,7 +132,7 @@ class Worker:
 
 
 def find_blender_program() -> str:
-    """The program that starts a Blender: this one, or a Python that has it as a module."""
+    """Find the program that starts Blender: this process's Blender, or a Python that has it as a module."""
     bpy = sys.modules.get("bpy")
     executable = getattr(getattr(bpy, "app", None), "binary_path", "")
     if executable:

@@ -66,7 +66,7 @@ class Scene:
         return f"<Scene {self._title}: {rig.width_px} x {rig.height_px} px, baseline {rig.baseline_m:g} m{own}>"
 
     def to_toml(self) -> str:
-        """The text of a TOML file with its settings, for ``icymoon render --settings``. It lacks the arrays of
+        """Return the settings as text of a TOML file, for ``icymoon render --settings``. It lacks the arrays of
         ``with_heights``, ``with_albedo``, ``with_rocks`` and ``with_mask``.
         """
         return to_toml(self._settings)
@@ -87,7 +87,7 @@ class Scene:
         return self._make_changed(stated, {}, ", ".join(shown))
 
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
-        """A copy of this scene with your own ground.
+        """Return a copy of this scene with your own ground.
 
         ``heights`` is a function f(x_m, y_m) -> z_m of arrays of east and north coordinates, sampled at the
         ``terrain.resolution`` x ``terrain.resolution`` vertices of the patch of ``terrain.size_m``, or an array (rows,
@@ -102,9 +102,9 @@ class Scene:
         return self._make_changed(description.check(stated, "heights"), {given.setting: given})
 
     def with_albedo(self, albedo: Field, *, resolution: int = 512) -> Scene:
-        """A copy of this scene with your own albedo over the whole patch of ground.
+        """Return a copy of this scene with your own albedo over the whole patch of ground.
 
-        ``albedo`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places, or an array
+        ``albedo`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` points, or an array
         (rows, columns) or (rows, columns, 3) of numbers from 0 to 1, north first. Other variations of the albedo are
         turned off. Beyond the patch the outermost values are repeated. Raises IcyMoonError for values outside 0 to 1.
         """
@@ -112,8 +112,7 @@ class Scene:
         return self._make_changed(description.check(stated, "albedo"), {given.setting: given})
 
     def with_rocks(self, rocks: ArrayLike) -> Scene:
-        """A copy of this scene with your own rocks: an array (n, 3) of places east and north of the origin, and of
-        diameters, in metres.
+        """Return a copy of this scene with your own rocks: an array (n, 3) of east, north and diameter in metres.
 
         Their shapes, tilt and burial follow the ``rocks`` settings; each rests on the ground. Rocks off the ground are
         left out, with a warning. Raises IcyMoonError for an array of another shape, for numbers that are not finite,
@@ -123,12 +122,13 @@ class Scene:
         return self._make_changed(description.check(stated, "rocks"), {given.setting: given})
 
     def with_mask(self, of: str, mask: Field, *, resolution: int = 512) -> Scene:
-        """A copy of this scene whose rocks, dirt or frost lie where your mask states; ``of`` is ``rocks``, ``dirt`` or
+        """Return a copy of this scene with your own mask of rocks, dirt or frost; ``of`` is ``rocks``, ``dirt`` or
         ``frost``.
 
-        ``mask`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places of the patch, or
-        an array (rows, columns), north first: 0 is nowhere, 1 as much as without it. A rock stays with that chance, and
-        where it was. Beyond the patch the outermost values are repeated. Raises IcyMoonError for values outside 0 to 1.
+        ``mask`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` points of the patch, or
+        an array (rows, columns), north first: 0 is nowhere, 1 as much as without the mask. It is a rock's probability
+        to remain, at its old position. Beyond the patch the outermost values are repeated. Raises IcyMoonError for
+        values outside 0 to 1.
         """
         given = make_mask_input(of, mask, self._settings.terrain.size_m, resolution)
         return self._make_changed(description.check({}, "mask"), {given.setting: given})
@@ -170,7 +170,7 @@ class Scene:
         again: bool = False,
         on_event: MessageReceiver = ignore_message,
     ) -> list[RenderedPair]:
-        """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
+        """Render the pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
         folder = (
             Path(dataset).absolute() if dataset is not None else resolve_dataset_folder(self._settings.dataset.folder)
         )

@@ -26,7 +26,7 @@ _ARRAY_METHODS: dict[str, Callable[[Scene, Any], Scene]] = {
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One combination: its ``values`` by setting or input, its ``scene`` and its ``pair``."""
+    """One combination of varied values: ``values`` by setting or input, its ``scene`` and its ``pair``."""
 
     values: dict[str, Any]
     scene: Scene
@@ -37,7 +37,7 @@ class SweepPoint:
 
 
 class Sweep:
-    """All combinations of varied values. Iterating renders the missing pairs and returns each in its turn.
+    """All combinations of varied values. Iterating renders missing pairs and returns the pairs one after the other.
 
     ``vary`` has a sequence of values for each varied setting, by its name, such as ``{"light.sun_elevation_deg": [5,
     20]}``. ``"heights"``, ``"albedo"`` and ``"rocks"`` have functions or arrays by names of yours, such as
@@ -81,7 +81,7 @@ class Sweep:
         return f"<Sweep of {format_count(len(self), 'pair')}: {axes}, in {self.dataset}>"
 
     def __iter__(self) -> Iterator[SweepPoint]:
-        """The points in order, each rendered when its turn comes. Raises IcyMoonError that names the point."""
+        """Yield the points in order, each rendered first if missing. Raises IcyMoonError that names the point."""
         for values, scene in self._scenes:
             try:
                 pair = scene.render(self.dataset, renderer=self._renderer, on_event=self._hear)

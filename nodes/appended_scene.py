@@ -56,7 +56,7 @@ def adopt_appended(scene: bpy.types.Scene) -> Built | None:
 
 
 def find_paths(built: Built) -> list[dict[str, dict[str, str]]]:
-    """The settings of an appended scene that name files, with // as the folder of the file that it came from."""
+    """Find the settings of an appended scene that name files, with // as the folder of the scene's original file."""
     origin = built.collection.library_weak_reference
     if origin is None:
         return []

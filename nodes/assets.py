@@ -84,7 +84,7 @@ def write_asset(name: str, path: Path) -> None:
 
 
 def _make_landscape(settings: Settings) -> bpy.types.Collection:
-    """A collection of ground, rocks, lights and camera, as Build Scene makes them.
+    """Make a collection of ground, rocks, lights and camera like Build Scene's.
 
     The shapes of rocks are in it too, hidden. Otherwise Blender would put them into the scene, as it does with all
     objects of a dropped asset that are in no collection of it.

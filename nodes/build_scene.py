@@ -163,7 +163,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
-    """The ground, the rocks and their shapes among built objects, with the light groups that they must have.
+    """List the ground, the rocks and their shapes among built objects, each with the light group that it must have.
 
     Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day, ``render.separate_lights``
     separates the two.

@@ -110,8 +110,7 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """All that identifies the scene besides its settings: the user's own files, nodes instead of OSL, edits by
-        hand.
+        """All that identifies the scene besides its settings: the user's files, nodes instead of OSL, edits by hand.
 
         Raises IcyMoonError if there are edits that no mark can identify.
         """

@@ -29,7 +29,7 @@ def open_empty_scene(settings: Settings) -> Built:
 
 
 def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
-    """The built scene of complete ``settings``, and whether it was made from ``built``, which must be unedited.
+    """Return a built scene of complete ``settings``, and whether it was made from ``built``, which must be unedited.
 
     Surfaces, lights and camera are made again if their settings differ. If more differs, or there is no built scene, a
     new file is opened. Raises IcyMoonError as ``build`` does; then there is no scene.

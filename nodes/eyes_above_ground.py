@@ -46,8 +46,8 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
 def find_reasons(
     built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
 ) -> list[str]:
-    """Sentences on each eye, head camera and lamp inside the ground or a rock, where it sees only black or lights
-    nothing.
+    """Find each eye, head camera and lamp inside the ground or a rock, where it sees only black or lights nothing; one
+    sentence each.
 
     The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray
     upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
@@ -59,7 +59,7 @@ def find_reasons(
         layer.update()
         rig = built.camera.evaluated_get(layer.depsgraph)
         poses = find_eye_poses(rig.matrix_world, built.settings.rig.baseline_m)
-        turn = _make_turn(poses["left"][:3, 3], turn_deg)
+        turn = _make_rotation(poses["left"][:3, 3], turn_deg)
         found = [
             _find_eye_reason(test_scene, layer.depsgraph, built, eye, turn @ Vector(pose[:3, 3].tolist()))
             for eye, pose in poses.items()
@@ -90,8 +90,8 @@ def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
         bpy.data.scenes.remove(scene)
 
 
-def _make_turn(about: Array, turn_deg: float) -> Matrix:
-    """The turn of the rig clockwise about the vertical through a point."""
+def _make_rotation(about: Array, turn_deg: float) -> Matrix:
+    """Make the matrix (4, 4) that rotates the rig clockwise about the vertical through a point."""
     centre = Matrix.Translation(about.tolist())
     return centre @ Matrix.Rotation(-math.radians(turn_deg), 4, "Z") @ centre.inverted()
 

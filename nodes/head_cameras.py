@@ -65,8 +65,8 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
 
 
 def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> str:
-    """The sentence about a camera of a head at a depth in metres under the ground, negative just above it and infinite
-    in a rock. Empty for None, which stands for a free camera."""
+    """Describe in a sentence a head camera at a depth in metres under the ground, negative just above it and infinite
+    in a rock; empty for None, a free camera."""
     if depth_m is None:
         return ""
     if math.isinf(depth_m):

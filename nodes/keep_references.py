@@ -38,7 +38,7 @@ def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -
 
 
 def is_owned_by_another_build(collection: bpy.types.Collection, block: bpy.types.ID) -> bool:
-    """Whether another built collection owns a data-block too. After a full copy of a scene, both scenes own the
+    """Return whether another built collection uses a data-block too. After a full copy of a scene, both scenes own the
     materials."""
     return any(
         block in find_owned_blocks(other).values()

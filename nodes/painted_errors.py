@@ -303,7 +303,7 @@ def to_world(matrix: ArrayLike, position: Array) -> Array:
 def _find_vertex_errors(
     found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]
 ) -> VertexErrors:
-    """The errors at vertices, over all pairs. The vertices' places in each pair are added to ``places``."""
+    """Find the errors at vertices, over all pairs. Each pair's image positions of vertices are added to ``places``."""
     shown: VertexErrors | None = None
     for k, errors in enumerate(found):
         one = sample_vertex_errors(errors, position, edges)

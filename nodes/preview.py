@@ -51,7 +51,7 @@ from .ground.terrain_mesh import MeshedGround, compute_vertex_spacing_m, mesh_co
 from .ground.user_ground import is_from_file
 from .lander.objects import ROLES as LANDER_ROLES
 from .lander.objects import build_lander, place_lander
-from .light.scene_lights import ROLES, change_lights, compute_scene_sky, list_light_settings
+from .light.scene_lights import ROLES, compute_scene_sky, list_light_settings, update_lights
 from .rig import place_rig
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
@@ -151,7 +151,7 @@ def _show_differences(built: scenes.Built, settings: Settings, side: int) -> boo
     messages: list[str] = []
     before = merged(built.settings, built.preview)
     ground = None
-    if select_geometry(settings) != select_geometry(before) or _looks_elsewhere(built, settings, before):
+    if select_geometry(settings) != select_geometry(before) or _has_view_changed(built, settings, before):
         try:
             ground = _show_ground(built, settings, side)
         except IcyMoonError as error:
@@ -175,8 +175,8 @@ def _show_differences(built: scenes.Built, settings: Settings, side: int) -> boo
     return ground is not None
 
 
-def _looks_elsewhere(built: scenes.Built, settings: Settings, before: Settings) -> bool:
-    """Whether the cameras look at another part of coarse ground, which is fine enough only where they looked before.
+def _has_view_changed(built: scenes.Built, settings: Settings, before: Settings) -> bool:
+    """Return whether the view of coarse ground has changed; such ground is fine enough only in its first view.
     Ground with a trench stays, because only a build digs."""
     keys = (*GRADING_RIG_SETTINGS, *finer_in_view.RELIEF_RIG_SETTINGS)
     return (
@@ -290,7 +290,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
-    """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
+    """Replace the materials of ground and rocks according to ``settings``; return sentences on unchanged materials."""
     seeds = settings.dataset.seed, before.dataset.seed
     if rebuilt_parts.select_appearance(settings) == rebuilt_parts.select_appearance(before) and seeds[0] == seeds[1]:
         return []
@@ -328,7 +328,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
 
 
 def _show_material(built: scenes.Built, role: str, item: bpy.types.Object, new: bpy.types.Material) -> tuple[str, ...]:
-    """Replace the material of the ground or of the rocks, which ``item`` has; the names of the changed parts.
+    """Replace the material of the ground or of the rocks on ``item``; return the names of the changed parts.
 
     The mark of an object has its name only while a material of it is random by object, see ``marks.of_object``.
     Otherwise it stays, and is not read, which takes 50 ms for the rocks.
@@ -341,7 +341,7 @@ def _show_material(built: scenes.Built, role: str, item: bpy.types.Object, new: 
 
 
 def _make_drop_function(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
-    """Function of x and y for the drop of curved ground below the plane at the site; None for flat ground."""
+    """Make a function of x and y, m, for the drop, m, of curved ground below the site's plane; None for flat ground."""
     place = built.ground.get("map", {})
     if is_from_file(built.settings) and "body_radius_m" in place:
         around = float(place["body_radius_m"])
@@ -370,7 +370,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
     except IcyMoonError as error:  # no such date, or no kernels
         return [str(error)]
     keeps_disc = not built.edited_parts("planet data")
-    old = change_lights(built.sun, built.collection, settings, sky, keeps_disc)
+    old = update_lights(built.sun, built.collection, settings, sky, keeps_disc)
     scenes.remove_objects(old)
     for item in [item for item in built.collection.all_objects if item.get(TAG) in ROLES]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
@@ -379,7 +379,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 
 
 def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
-    """Move the lander and its arm according to ``settings``, or build it again; a sentence if it stays."""
+    """Move the lander and its arm according to ``settings``, or build it again; return a sentence if it stays."""
     there = settings.lander.kind != "NONE"
     if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
@@ -400,7 +400,7 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
 
 
 def _only_joints_differ(settings: Settings, before: Settings) -> bool:
-    """Whether the lander keeps its shape and place, and only joints turn."""
+    """Return whether only the lander's joints differ, not its shape and position."""
     turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
     turned.add(("lander", "joints"))
     now, then = rebuilt_parts.select_lander(settings), rebuilt_parts.select_lander(before)

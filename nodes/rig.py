@@ -73,8 +73,8 @@ def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
 
 @contextmanager
 def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Turn an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and turn it back at the
-    end. ``about`` is the camera if the object is not the camera but the housing of the cameras.
+    """Rotate an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and back at the end.
+    ``about`` is the camera if the object is not the camera but the housing of the cameras.
     """
     # Setting the old matrix would change location and rotation by a rounding error, which would count as an edit.
     pose = {

@@ -224,10 +224,10 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
 
 
 def light_untouched_scene(scene: bpy.types.Scene) -> bool:
-    """Turn the Sun of a scene whose settings are all the defaults, before its first build, so that its view is lit.
+    """Rotate the Sun of a scene with default settings, before its first build, so that its view is lit.
 
     The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the
-    Sun was turned.
+    Sun was rotated.
     """
     settings, untouched = scene_properties.read_unchecked(scene.icymoon), description.defaults()
     if scenes.find_collection(scene) is not None or select_scene(settings) != select_scene(untouched):

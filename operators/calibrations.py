@@ -28,8 +28,8 @@ _LABELS = {"--unit": "Unit", "--size": "Image Size", "--lens": "Lens", "--camera
 _NAMES = ("left", "right")
 
 
-def _explain(error: IcyMoonError) -> str:
-    """A sentence of the shell with the labels of this dialog in place of options."""
+def _translate_error(error: IcyMoonError) -> str:
+    """Replace the options in an error's sentence by the labels of this dialog."""
     text = str(error).replace("give it first", "tick Exchange Files")
     return format_for_window(re.sub("|".join(_LABELS), lambda found: _LABELS[found[0]], text))
 
@@ -92,7 +92,7 @@ class ICYMOON_OT_read_calibration(dialogs.FileDialog, bpy.types.Operator):
             found, notes = self._read(self._list_files())
             scene_properties.write_settings(context.scene.icymoon, complete_eyes(found))
         except IcyMoonError as error:
-            self.report({"ERROR"}, _explain(error))
+            self.report({"ERROR"}, _translate_error(error))
             return {"CANCELLED"}
         for note in notes:
             self.report({"INFO"}, format_for_window(note))
@@ -133,7 +133,7 @@ class ICYMOON_OT_write_calibration(dialogs.FileDialog, bpy.types.Operator):
             settings = scene_properties.read_settings(context.scene.icymoon)
             _write(settings, paths, self.kind)
         except IcyMoonError as error:
-            self.report({"ERROR"}, _explain(error))
+            self.report({"ERROR"}, _translate_error(error))
             return {"CANCELLED"}
         self.report({"INFO"}, show_controls(f"Saved {' and '.join(map(str, paths))}"))
         return {"FINISHED"}

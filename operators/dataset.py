@@ -49,7 +49,7 @@ def list_plan_items(_self: object = None, _context: object = None) -> list[tuple
 
 
 def find_chosen_plan(settings: Settings) -> str:
-    """The plan that the settings name: the name of a shipped plan, or the absolute path of a file.
+    """Find the plan of the settings: the name of a shipped plan, or the absolute path of a file.
 
     Raises IcyMoonError if there is no such plan.
     """
@@ -67,7 +67,7 @@ def find_plan_title(name: str) -> str:
 
 
 def find_state_folder() -> Path:
-    """The folder that records running data sets, for the next Blender."""
+    """Return the folder whose files record running data sets, so that the next Blender session finds them."""
     try:
         return find_extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension

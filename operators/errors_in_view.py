@@ -30,9 +30,9 @@ from .results import (
     ResultOperator,
     find_disparity_files,
     find_point_files,
+    has_results,
     list_methods_with_disparities,
     list_methods_with_points,
-    needs_results,
 )
 from .sidebar_text import format_for_window
 from .window_areas import find_scene
@@ -80,7 +80,7 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needs_results(cls, context.scene) and super().poll(context)
+        return has_results(cls, context.scene) and super().poll(context)
 
     def start(self, context: bpy.types.Context) -> Job:
         """Let a thread find the errors of all vertices."""
@@ -107,8 +107,8 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
 
 
 def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
-    """The built scene, and the errors of a matcher on its evaluated pairs: the pairs of the present settings, or else
-    pairs of the same ground and cameras.
+    """Read the built scene, and a matcher's errors on its evaluated pairs: those of the present settings, else pairs of
+    the same ground and cameras.
 
     Raises IcyMoonError if there is no such pair.
     """

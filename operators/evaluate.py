@@ -54,7 +54,7 @@ def make_response_arguments(settings: Settings) -> list[str]:
 
 
 def make_matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
-    """The matchers of the settings as arguments of the evaluator: ``flag`` with their list, then the user's own.
+    """Make the evaluator's arguments for the matchers of the settings: ``flag`` with their list, then the user's own.
 
     Raises IcyMoonError if one of the user's own matchers is not set up.
     """

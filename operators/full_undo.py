@@ -20,7 +20,7 @@ def require_full_undo() -> None:
 
 
 def _begin() -> None:
-    """Turn *Undo Legacy* on, which counts only with Blender's options for developers."""
+    """Switch *Undo Legacy* on, which has an effect only with Blender's options for developers."""
     if not session.changed_without_step or session.options_before_undo is not None:
         return
     preferences = bpy.context.preferences

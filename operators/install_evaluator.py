@@ -24,7 +24,7 @@ _DIALOG_PX = 400
 
 
 def find_base_python() -> str:
-    """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
+    """Find Blender's Python, which can make a virtual environment. Raises IcyMoonError if Blender has none."""
     for candidate in (Path(sys.executable), *find_pythons(Path(sys.prefix))):
         if is_python(str(candidate)) and candidate.is_file() and _can_make_environments(candidate):
             return str(candidate)

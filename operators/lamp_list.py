@@ -54,7 +54,7 @@ class ICYMOON_OT_lamp_move(_LampOperator, MoveEntry, bpy.types.Operator):
 
 
 def describe_entry(entry: bpy.types.PropertyGroup) -> str:
-    """A line that describes a lamp: kind, power and place."""
+    """Describe a lamp in a line: kind, power and position."""
     names = {setting.key: setting.choice_labels for setting in TOPICS["light"]["lamps"].entries}
     return f"{names['kind'][entry.kind]}, {entry.power_w:.3g} W, {names['place'][entry.place]}"
 

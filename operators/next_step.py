@@ -25,7 +25,7 @@ def find_next_step(scene: bpy.types.Scene) -> str:
     pairs = find_kept_pairs(scene)
     if not pairs or (len(pairs) == 1 and _is_of_other_settings(scene, pairs[0])):
         return "Next: Render Stereo Pair"
-    found = results.kept_results(scene)
+    found = results.read_stored_results(scene)
     evaluated = found is not None and (found.scope == "DATASET" or {path.name for path in pairs} <= {*found.pairs})
     if evaluated and not results.list_changed_settings(scene):
         return "Next: Stereo Error, below"

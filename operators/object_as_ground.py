@@ -27,7 +27,7 @@ EncodeMesh = Callable[[Array, Array], bytes]
 
 
 def why_not_usable(context: bpy.types.Context) -> str:
-    """Why the active object cannot be the ground or a rock; empty if it can."""
+    """Return why the active object cannot be the ground or a rock; empty if it can."""
     item = context.active_object
     if item is None or not item.select_get():
         return "Select a mesh object"
@@ -40,7 +40,7 @@ def why_not_usable(context: bpy.types.Context) -> str:
 
 
 def shorten_path(path: Path, dataset_folder: str) -> str:
-    """The path as the settings state it: beside the .blend file if the data set is."""
+    """Shorten a path for the settings: relative to the .blend file if the data set's folder is."""
     beside = dataset_folder.startswith("//")
     return f"//{os.path.relpath(path, bpy.path.abspath('//'))}" if beside else str(path)
 

@@ -14,7 +14,7 @@ TAB = "Icy Moon"
 _INTERVAL_S, _MOST_TRIES = 0.2, 50
 
 
-class _Tries:
+class _RemainingTries:
     """The number of tries that are left."""
 
     left = 0
@@ -22,10 +22,10 @@ class _Tries:
 
 def open_tab() -> float | None:
     """Open the sidebar of the largest 3D View at our tab. Returns the seconds until the next try, None at the end."""
-    _Tries.left -= 1
+    _RemainingTries.left -= 1
     areas = [area for _, area in list_areas("VIEW_3D")]
     if not areas:
-        return _INTERVAL_S if _Tries.left > 0 else None
+        return _INTERVAL_S if _RemainingTries.left > 0 else None
     area = max(areas, key=lambda each: each.width * each.height)
     area.spaces.active.show_region_ui = True
     sidebar = next(region for region in area.regions if region.type == "UI")
@@ -33,7 +33,7 @@ def open_tab() -> float | None:
         sidebar.active_panel_category = TAB
     except (TypeError, AttributeError):  # not drawn yet; in Blender 4.2 the user chooses the tab
         area.tag_redraw()
-        return _INTERVAL_S if _Tries.left > 0 else None
+        return _INTERVAL_S if _RemainingTries.left > 0 else None
     sidebar.tag_redraw()
     return None
 
@@ -49,7 +49,7 @@ def _open_once() -> float | None:
 
 def register() -> None:
     """Open the tab soon, if this is the first session with Icy Moon and has a window."""
-    _Tries.left = _MOST_TRIES
+    _RemainingTries.left = _MOST_TRIES
     if not bpy.app.background:
         call_later(_open_once, _INTERVAL_S)
 

@@ -30,7 +30,7 @@ _DIGITS = 3  # digits of a place in metres: a millimetre
 
 
 def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:
-    """The settings that place a target at ``x_m`` east and ``y_m`` north of the origin.
+    """Make the settings that put a target at ``x_m`` east and ``y_m`` north of the origin, in metres.
 
     Raises IcyMoonError if the present settings have no such target.
     """
@@ -56,7 +56,7 @@ def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapp
 
 
 def find_view(screen: bpy.types.Screen, x: int, y: int) -> tuple[bpy.types.Region, bpy.types.RegionView3D] | None:
-    """The region of the 3D View at a place of the window, in pixels from below left; None beside 3D Views."""
+    """Find the region of the 3D View at a window position, px from below left; None beside 3D Views."""
     for area in screen.areas:
         if area.type != "VIEW_3D":
             continue
@@ -72,7 +72,7 @@ def _contains(region: bpy.types.Region, x: int, y: int) -> bool:
 
 
 def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
-    """The point of the built ground under a place of the window, in metres; None beside the ground."""
+    """Find the point of the built ground, m, under a window position, px; None beside the ground."""
     found = find_view(context.screen, x, y)
     if found is None:
         return None

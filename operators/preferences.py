@@ -73,7 +73,7 @@ def find_asset_folder() -> Path:
 
 
 def has_assets() -> bool:
-    """Whether there is a whole asset library."""
+    """Return whether a complete asset library exists."""
     try:
         return asset_library.has_library(find_asset_folder())
     except IcyMoonError:  # not installed as an extension

@@ -127,7 +127,7 @@ def find_title(name: str) -> str:
 
 
 def make_button_title(scene: bpy.types.Scene) -> str:
-    """The title of the scene's preset on its button, with a mark if the scene was changed since. The title is cut to
+    """Make the label of the preset's button: its title, with a mark if the scene was changed since. The title is cut to
     the width, and left out if almost none of it fits.
     """
     title = find_title(scene.icymoon.preset)

@@ -42,12 +42,12 @@ class RecentPair(NamedTuple):
 
     @property
     def title(self) -> str:
-        """When it was rendered: the time of a day, or the date of an earlier day and its time."""
+        """The time of the render, with its date unless it was today."""
         written, now = time.localtime(self.written_ns / 1e9), time.localtime()
         return time.strftime("%H:%M:%S" if written[:3] == now[:3] else "%d %b %Y, %H:%M", written)
 
 
-class _Making:
+class _PictureQueue:
     """The pair whose picture is being made, the pairs that wait for one, and the pairs that cannot have one."""
 
     job: jobs.Job | None = None
@@ -86,8 +86,8 @@ def find_icon(pair: RecentPair) -> int | None:
     shown = _pictures.collection.get(_make_key(pair))
     if shown is not None:
         return int(shown.icon_id)
-    if pair not in _Making.failed and pair not in _Making.waiting and pair != _Making.pair:
-        _Making.waiting = (*_Making.waiting, pair)
+    if pair not in _PictureQueue.failed and pair not in _PictureQueue.waiting and pair != _PictureQueue.pair:
+        _PictureQueue.waiting = (*_PictureQueue.waiting, pair)
     if not bpy.app.background:
         call_later(make_next)
     return None
@@ -99,24 +99,24 @@ def _make_key(pair: RecentPair) -> str:
 
 def make_next() -> float | None:
     """Make the picture of the next pair that waits, in a thread; seconds until the next look, None if none waits."""
-    if _Making.job is not None and _Making.pair is not None:
-        if _Making.job.poll():
+    if _PictureQueue.job is not None and _PictureQueue.pair is not None:
+        if _PictureQueue.job.poll():
             return jobs.INTERVAL_S
-        _keep(_Making.pair, _Making.job)
-        _Making.job = _Making.pair = None
+        _keep(_PictureQueue.pair, _PictureQueue.job)
+        _PictureQueue.job = _PictureQueue.pair = None
         redraw_panels()
-    if not _Making.waiting:
+    if not _PictureQueue.waiting:
         return None
-    pair, *rest = _Making.waiting
-    _Making.pair, _Making.waiting = pair, tuple(rest)
-    _Making.job = jobs.Job("Picture", Calculation(lambda: read_pair_views(pair.folder, {}, SIDE_PX), pair.folder))
+    pair, *rest = _PictureQueue.waiting
+    _PictureQueue.pair, _PictureQueue.waiting = pair, tuple(rest)
+    _PictureQueue.job = jobs.Job("Picture", Calculation(lambda: read_pair_views(pair.folder, {}, SIDE_PX), pair.folder))
     return jobs.INTERVAL_S
 
 
 def _keep(pair: RecentPair, job: jobs.Job) -> None:
     """Keep the left image of a pair that was read. A pair that cannot be read is noted as having no picture."""
     if job.failure:
-        _Making.failed |= {pair}
+        _PictureQueue.failed |= {pair}
         return
     if len(_pictures.collection) >= _MOST_PICTURES:
         _pictures.collection.clear()
@@ -136,8 +136,8 @@ def register() -> None:
 def unregister() -> None:
     """Stop making pictures, and remove the existing ones."""
     cancel_call(make_next)
-    if _Making.job is not None:
-        _Making.job.close()
-    _Making.job = _Making.pair = None
-    _Making.waiting, _Making.failed = (), frozenset()
+    if _PictureQueue.job is not None:
+        _PictureQueue.job.close()
+    _PictureQueue.job = _PictureQueue.pair = None
+    _PictureQueue.waiting, _PictureQueue.failed = (), frozenset()
     _pictures.remove()

@@ -39,7 +39,7 @@ _ROW_SHAPE = {
     "pairs": Maybe(COUNT),
     "ranks": Maybe(Each(Each(COUNT), TEXT)),
 }
-#: Lists of sentences of a report that the scene keeps, see ``KeptResults``.
+#: Lists of sentences of a report that the scene keeps, see ``StoredResults``.
 _SENTENCE_LISTS = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
 _RESULTS_SHAPE = {
     "made": TEXT,
@@ -67,7 +67,7 @@ _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "
 
 
 @dataclass(frozen=True)
-class KeptResults:
+class StoredResults:
     """The last evaluation of a scene: its time, scope, pairs and settings, a row of ``METRICS`` for each matcher, and
     notes on the limits of the results.
 
@@ -110,20 +110,20 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
     scene.icymoon.results = json.dumps(kept)
 
 
-def kept_results(scene: bpy.types.Scene) -> KeptResults | None:
+def read_stored_results(scene: bpy.types.Scene) -> StoredResults | None:
     """The last evaluation of a scene; None if there was none, or if it cannot be read."""
     return _parse_results(scene.icymoon.results)
 
 
 @lru_cache(maxsize=8)
-def _parse_results(text: str) -> KeptResults | None:
+def _parse_results(text: str) -> StoredResults | None:
     try:
         found = parse_json(text)
     except ValueError:
         return None
     if find_fault(found, _RESULTS_SHAPE):
         return None
-    return KeptResults(
+    return StoredResults(
         _clean_text(found["made"]),
         found["scope"],
         tuple(map(_clean_text, found["pairs"])),
@@ -137,7 +137,7 @@ def _parse_results(text: str) -> KeptResults | None:
 
 
 def _complete_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row of a summary with all shown entries, and the rank by ``RANKING_METRIC`` only.
+    """Complete a row of a summary with all entries of the panel, and the rank by ``RANKING_METRIC`` only.
 
     A summary of an older version lacks ranks and the number of measured pixels.
     """
@@ -152,7 +152,7 @@ def _complete_row(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sort_key(row: Mapping[str, Any]) -> tuple[float, float]:
-    """The sorting key of a matcher: its wrong or missing pixels, and then the error of the others."""
+    """Return the sorting key of a matcher: its share of wrong or missing pixels, then its error on the other pixels."""
     wrong, error = row.get("total_bad_1") if row.get("n", 1) else None, row.get("l1_m")
     return math.inf if wrong is None else wrong, math.inf if error is None else error
 
@@ -171,37 +171,37 @@ def find_evaluation_folder(settings: Settings, scope: str) -> Path:
 
 def read_summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
     """One row of metrics for each matcher of a scene's last evaluation; empty if there was none."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     return list(found.summary) if found else []
 
 
 def list_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on the limits of the results of a scene's last evaluation, the most important first."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     return found.notes if found else ()
 
 
 def list_brief_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The limits of the results in brief; empty if an older version wrote the results."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     return found.briefs if found else ()
 
 
-def is_doubtful_note(scene: bpy.types.Scene, brief: str) -> bool:
-    """Whether the note that begins with ``brief`` makes the results of a scene's last evaluation doubtful."""
-    found = kept_results(scene)
+def casts_doubt_on_results(scene: bpy.types.Scene, brief: str) -> bool:
+    """Return whether the note that begins with ``brief`` casts doubt on the results of a scene's last evaluation."""
+    found = read_stored_results(scene)
     return found is not None and any(doubt.startswith(brief) for doubt in found.doubts)
 
 
 def list_rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     return found.rare_failures if found else ()
 
 
 def list_typical_differences(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on how matchers differ in the typical scene, with intervals; empty if an older version wrote them."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     return found.typical_differences if found else ()
 
 
@@ -211,7 +211,7 @@ def list_changed_settings(scene: bpy.types.Scene) -> list[str]:
 
 
 def _find_changed_settings(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     if found is None:
         return []
     present = scene_properties.read_for_display(scene.icymoon)
@@ -234,7 +234,7 @@ def _affects_results(topic: str, setting: Setting, scope: str) -> bool:
 
 def list_notes(scene: bpy.types.Scene) -> list[str]:
     """Sentences on a scene's last evaluation: its pairs and time, then which settings have changed since, if any."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     if found is None:
         return []
     subject = _describe_pairs(found.pairs, scene.icymoon.pairs.split())
@@ -269,7 +269,7 @@ def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
 
 
 def _read_report(folder: Path) -> dict[str, Any]:
-    """A finished evaluation: its ``summary.json``, or else its ``report.json``."""
+    """Read a finished evaluation from its ``summary.json``, else from its ``report.json``."""
     brief = folder / "summary.json"
     path = brief if brief.is_file() else folder / "report.json"
     try:
@@ -289,7 +289,7 @@ def _read_creation_time(report: Mapping[str, Any]) -> str:
 
 def find_report_folder(scene: bpy.types.Scene) -> Path:
     """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
-    found = kept_results(scene)
+    found = read_stored_results(scene)
     if found is None:
         raise IcyMoonError("This scene has not been evaluated yet; press Evaluate.")
     folder = find_evaluation_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
@@ -427,9 +427,9 @@ def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] 
     return bool(paths) and not bpy.app.background and image_editor.show_in_editor(open_window, show)
 
 
-def needs_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:
-    """Whether a scene was evaluated; otherwise the operator's tooltip states it."""
-    found = kept_results(scene) is not None
+def has_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:
+    """Return whether a scene was evaluated; otherwise explain it in the operator's tooltip."""
+    found = read_stored_results(scene) is not None
     if not found:
         operator.poll_message_set("This scene has not been evaluated yet")
     return found
@@ -440,7 +440,7 @@ class ResultOperator(OperatorMixin):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needs_results(cls, context.scene)
+        return has_results(cls, context.scene)
 
 
 class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):

@@ -81,7 +81,7 @@ def describe_enclosing(scene: bpy.types.Scene) -> str:
 
 
 def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
-    """Whether a place of the world is behind the nearest face of a mesh."""
+    """Return whether a world position is behind the nearest face of a mesh."""
     corners, at = np.array(item.bound_box), item.matrix_world.inverted_safe() @ place
     if not ((corners.min(axis=0) < np.array(at)) & (np.array(at) < corners.max(axis=0))).all():
         return False
@@ -92,8 +92,8 @@ def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
 
 
 def advise_on_shadow(settings: Settings, shares: Array) -> str:
-    """The sentence for ``shares`` (k,) of the view that are lit: by the Sun as it is, then with its azimuth turned in
-    equal steps. Empty if the Sun lights enough, or no ground is seen."""
+    """Describe ``shares`` (k,) of the view that are lit by the present Sun, then by Suns at azimuths in equal steps
+    from it. Empty if the Sun lights enough, or no ground is seen."""
     if not shares[0] < LEAST_LIT:  # NaN: no ground is seen
         return ""
     dark = f"{100 * (1 - shares[0]):.0f} % of the ground in view is in shadow;"
@@ -110,7 +110,7 @@ def advise_on_shadow(settings: Settings, shares: Array) -> str:
 
 
 def list_suns(direction: Array) -> Array:
-    """Unit vectors (k, 3) toward the Sun as it is, and with its azimuth turned in equal steps."""
+    """List unit vectors (k, 3) toward the present Sun, and toward Suns at azimuths in equal steps from it."""
     azimuth, elevation = math.degrees(math.atan2(direction[0], direction[1])), math.degrees(math.asin(direction[2]))
     return np.array([direction_toward(azimuth + 360.0 * k / _AZIMUTHS, elevation) for k in range(_AZIMUTHS)])
 

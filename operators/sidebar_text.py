@@ -94,7 +94,7 @@ def _find_label(found: re.Match[str]) -> str:
 
 
 def describe_place(topic: str, setting: Setting) -> str:
-    """The place of a setting in the sidebar: its panel and its label, without the unit."""
+    """Describe where a setting is in the sidebar: its panel and its label, without the unit."""
     return f"{_OTHER_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT_SUFFIX.sub('', setting.label)}"
 
 
@@ -112,7 +112,7 @@ def measure_line_length() -> int:
 
 
 def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
-    """A text in lines that fit the sidebar, shorter ones beside an icon.
+    """Wrap a text into lines that fit the sidebar, shorter beside an icon.
 
     Later lines begin with ``hang``. If the first line is indented, they are indented a little more.
     """

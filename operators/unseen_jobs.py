@@ -28,7 +28,7 @@ MOST_TURNS = 20
 
 @dataclass
 class Watch:
-    """A running operator and its job. ``turns`` counts the turns of the event loop since its last event."""
+    """A running operator and its job. ``turns`` counts the passes of the event loop since its last event."""
 
     operator: Any
     job: Job
@@ -90,13 +90,13 @@ def _look_instead(found: Watch) -> None:
         close_job(found.job)
         if windows:
             with bpy.context.temp_override(window=windows[0]):
-                _tell(f"{found.job.title} was stopped, because its window is gone; {found.job.if_stopped}.")
+                _show_sentence(f"{found.job.title} was stopped, because its window is gone; {found.job.if_stopped}.")
         return
     with bpy.context.temp_override(window=windows[0]):
         found.operator.look_or_end(bpy.context)
 
 
-def _tell(sentence: str) -> None:
+def _show_sentence(sentence: str) -> None:
     """Show a sentence in a window that no operator can report in."""
 
     def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -200,7 +200,7 @@ def describe_varied(varied: VariedSetting) -> str:
 
 @lru_cache(maxsize=256)
 def describe_values(varied: VariedSetting) -> str:
-    """The values of a number that does not vary at random, up to the maximum number that the panel shows."""
+    """List the values of a setting that does not vary at random, up to the maximum count that the panel shows."""
     try:
         if check_varied(varied).kind not in ("int", "float") or varied.spacing == "RANDOM":
             return ""

@@ -11,8 +11,8 @@ import bpy.utils.previews
 
 
 def find_scene(uid: int) -> bpy.types.Scene | None:
-    """The scene with a ``session_uid``, if it still exists. The user may rename or delete a scene, and undo moves it in
-    memory."""
+    """Find the scene with a ``session_uid``; None if it no longer exists. The user may rename or delete a scene, and
+    undo moves it in memory."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 

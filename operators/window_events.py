@@ -71,7 +71,7 @@ def cancel_call(function: Function) -> None:
 
 
 def keep_until_change(key: Hashable, make: Callable[[], _T]) -> _T:
-    """The value of ``make``, which is called once for each ``key``. The value is kept until a setting changes, undo,
+    """Return the value of ``make``, called once for each ``key``. The value is cached until a setting changes, undo,
     redo, or another file is opened."""
     if key not in _known:
         _known[key] = make()

@@ -34,7 +34,7 @@ class _Field(NamedTuple):
 
 
 class _Found:
-    """The fields of each part of the sidebar, and the settings for which they were found."""
+    """The cached fields of each section of the sidebar, and the settings that they belong to."""
 
     settings: Settings | None = None
     fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
@@ -148,8 +148,8 @@ def find_shown_label(group: bpy.types.PropertyGroup, setting: Setting) -> str:
 
 
 def needs_label_line(setting: Setting, label: str) -> bool:
-    """Whether a label needs a separate line; this does not depend on the value of a number, since fields must not move
-    while the user drags it."""
+    """Return whether a label needs a separate line, whatever a number's value is, since fields must not move while the
+    user drags it."""
     width = measure_line_length()
     if width >= LINE or setting.kind == "bool":
         return False

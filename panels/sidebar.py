@@ -48,7 +48,7 @@ _HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 12, 3
 
 
 class Sidebar:
-    """The place of every panel of Icy Moon, with a button in its header that opens its page of the manual."""
+    """Base class that puts a panel into Icy Moon's tab, with a button in its header that opens its manual page."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -155,7 +155,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             draw_sentence(layout, sentence, "ERROR")
         briefs = results.list_brief_limits(context.scene)
         for brief in briefs:  # the rest of each is below the table, to keep it in sight
-            draw_lines(layout, (brief,), "ERROR" if results.is_doubtful_note(context.scene, brief) else "INFO")
+            draw_lines(layout, (brief,), "ERROR" if results.casts_doubt_on_results(context.scene, brief) else "INFO")
             if brief.startswith(NOISE_DECIDES):
                 row = layout.row()
                 row.operator_context = "INVOKE_DEFAULT"

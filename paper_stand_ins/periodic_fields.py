@@ -54,7 +54,7 @@ def sample_wrapped(field: Array, rows: Array, columns: Array) -> Array:
 
 
 def warp_field(field: Array, rows_px: Array, columns_px: Array) -> Array:
-    """The field with the value at each pixel taken from ``rows_px`` and ``columns_px`` pixels away."""
+    """Warp a field: each pixel gets the value from ``rows_px`` and ``columns_px`` pixels away."""
     axis = np.arange(len(field), dtype=float)
     return sample_wrapped(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
 

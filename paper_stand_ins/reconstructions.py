@@ -159,7 +159,7 @@ def _cut_holes(
     openness: Array,
     item: MeshItem,
 ) -> Array:
-    """The faces to keep when ``item.holes`` holes are cut at the places with the least openness to the sky, away from
+    """Return the faces that remain when ``item.holes`` holes are cut where the openness to the sky is least, away from
     sites and rim.
     """
     middle = xy[faces].mean(axis=1)

@@ -88,21 +88,21 @@ def _split_square(error: Array, most: float) -> tuple[Array, Array]:
     keys, faces = np.unique(corners[..., 1] * width + corners[..., 0], return_inverse=True)
     faces = faces.reshape(-1, 3)
     places = np.stack([keys % width, keys // width], axis=1).astype(float)
-    faces[_twice_area(places, faces) < 0] = faces[_twice_area(places, faces) < 0][:, ::-1]
+    faces[_compute_twice_area(places, faces) < 0] = faces[_compute_twice_area(places, faces) < 0][:, ::-1]
     return places, faces
 
 
-def _twice_area(places: Array, faces: Array) -> Array:
+def _compute_twice_area(places: Array, faces: Array) -> Array:
     a, b, c = (places[faces[:, k]] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
 
 def _move_vertices(random: np.random.Generator, places: Array, faces: Array, size: int) -> Array:
-    """The vertices, each moved by a distance too small to turn over a triangle; vertices on the border stay."""
+    """Move each vertex by a distance too small to flip a triangle; vertices on the border stay."""
     height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
     for k in range(3):
         a, b = places[faces[:, k]], places[faces[:, (k + 1) % 3]]
-        of = _twice_area(places, faces) / np.hypot(*(b - a).T)
+        of = _compute_twice_area(places, faces) / np.hypot(*(b - a).T)
         for corner in faces.T:
             np.minimum.at(height, corner, of)
     inside = ((places > 0) & (places < size)).all(axis=1)

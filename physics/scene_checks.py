@@ -83,7 +83,7 @@ def refuse_scene(settings: Settings) -> None:
 
 
 def find_reasons_in_settings(settings: Settings) -> list[Reason]:
-    """The reasons that are found without making the ground."""
+    """Find the reasons that do not depend on the ground's heights."""
     return [
         *_find_ice_reasons(settings),
         *_find_rock_reasons(settings),
@@ -98,7 +98,7 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
 
 
 def find_reasons_without_file(settings: Settings) -> list[Reason]:
-    """The reasons why a scene can be rendered only from the .blend file that it was built in; empty if there are none.
+    """Find why a scene can be rendered only from the .blend file in which it was built; empty if it needs no file.
 
     Only such a file has the node groups that a surface may name.
     """
@@ -216,7 +216,7 @@ def _find_sky_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def _find_near_sun_reasons(settings: Settings) -> Iterator[Reason]:
-    """Reasons against a lamp near the ground: it has one place, and sends light in another direction to each point."""
+    """Yield reasons against a lamp near the ground, whose light has another direction at each point."""
     light, key = settings.light, "light.sun_distance_m"
     if light.sun_distance_m <= 0:
         return
@@ -353,8 +353,8 @@ def _find_camera_place(rig: RigSettings) -> str:
 
 
 def describe_buried_lamp(number: int, depth_m: float | None) -> str:
-    """The sentence about the lamp at this place of the list, ``depth_m`` under the ground, infinite in a rock; empty
-    for a lamp above the ground, whose depth is negative or None."""
+    """Describe in a sentence the lamp with this number in the list, ``depth_m`` under the ground, infinite in a rock;
+    empty for a lamp above the ground, whose depth is negative or None."""
     if depth_m is None or depth_m < 0:
         return ""
     where = "inside a rock" if math.isinf(depth_m) else f"{depth_m:.3g} m under the ground"
@@ -372,8 +372,7 @@ def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
 
 
 def describe_depth(depth_m: float) -> str:
-    """The position of a camera that is too low, in words, from its depth in metres under the ground, negative above
-    it."""
+    """Describe the position of a camera that is too low, by its depth in metres under the ground, negative above it."""
     if depth_m >= 0:
         return f"{depth_m:.3g} m under the ground"
     return f"{-depth_m:.2g} m above the ground, less than {LEAST_EYE_HEIGHT_M:g} m"

@@ -23,7 +23,7 @@ class Check:
 
 
 def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | None]:
-    """A check that ``make`` succeeds, and its result; None if it raised IcyMoonError."""
+    """Check that ``make`` succeeds; also return its result, or None if it raised IcyMoonError."""
     try:
         return Check(what), make()
     except IcyMoonError as error:
@@ -42,7 +42,7 @@ def check_fault(what: str, act: Callable[[], str | None]) -> Check:
 
 
 def check_package(plugin: Plugin) -> Iterator[Check]:
-    """Whether a plug-in can be loaded without Blender, and states its API, its purpose and its licence."""
+    """Check that a plug-in loads without Blender and declares its API version, purpose and licence."""
     blender_before = "bpy" in sys.modules
     first, loaded = check_making("it can be imported, and states ICYMOON_API", lambda: load_plugin(plugin))
     yield first

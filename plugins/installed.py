@@ -60,7 +60,7 @@ class Plugin:
 
     @property
     def release(self) -> str:
-        """Package and version, in the form of results."""
+        """Package and version, as results contain them."""
         return f"{self.package} {self.version}"
 
 

@@ -47,7 +47,7 @@ class Number:
 
 @dataclass(frozen=True)
 class PluginLandform:
-    """A landform. Its first setting is its size; 0 turns it off."""
+    """A landform of a plug-in. Its first setting is its size; 0 turns it off."""
 
     plugin: Plugin
     label: str
@@ -81,7 +81,7 @@ class PluginLandform:
         return found.astype(np.float64)
 
     def finest_m(self, settings: Mapping[str, Any]) -> float:
-        """The smallest length of the landform in metres; infinite if it states none."""
+        """Return the landform's smallest length in metres; infinite if the plug-in declares none."""
         if self.finest is None:
             return math.inf
         with explain_failures(self.plugin, fix="correct it, or set its first setting to 0"):
@@ -90,13 +90,13 @@ class PluginLandform:
             raise IcyMoonError(f"{self.plugin.title} states a smallest length of {length:g} m; return more than 0.")
         return length
 
-    def told(self, settings: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
+    def make_plugin_settings(self, settings: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
         """The settings that the plug-in receives, with the ``seed`` for its random numbers."""
         return MappingProxyType({**{number.key: settings[number.key] for number in self.settings}, "seed": seed})
 
 
 def describe_missing_landform(topic: str, release: str) -> str:
-    """The reason why a landform cannot be made here, and the fix, without the place that states the landform."""
+    """Describe why a landform cannot be made here, with the fix, but without the file that uses it."""
     _, faults = load_landform_plugins()
     if topic in faults:
         return f"{topic} cannot be used: {faults[topic]}"
@@ -108,7 +108,7 @@ def describe_missing_landform(topic: str, release: str) -> str:
 
 
 def hash_name(name: str) -> int:
-    """A hash of a name, a number of 32 bits. It makes a landform's random numbers independent of other plug-ins."""
+    """Hash a name to a number of 32 bits, which makes a landform's random numbers independent of other plug-ins."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
 
 

@@ -24,8 +24,8 @@ class CameraTruth:
 
 
 def trace_camera(stage: Stage, projection: Projection, pose: Array, near_m: float, far_m: float) -> CameraTruth:
-    """The truth of a camera with this pose (4, 4) in the world. It sees nothing nearer than ``near_m`` or further away
-    than ``far_m``."""
+    """Trace the truth of a camera with this pose (4, 4) in the world. The camera sees nothing nearer than ``near_m`` or
+    farther than ``far_m``."""
     columns, rows = projection.size_px
     shape = rows, columns
     truth = CameraTruth(

@@ -137,7 +137,7 @@ class EmbreeTracer:
         return self._commit([geometry])
 
     def _commit(self, geometries: Sequence[int]) -> int:
-        """A scene of these geometries, with its tree."""
+        """Make an Embree scene of these geometries, with its tree, and return its handle."""
         library = self._library
         scene = library.rtcNewScene(self._device)
         library.rtcSetSceneFlags(scene, _ROBUST)

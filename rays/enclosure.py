@@ -16,9 +16,9 @@ _RAYS = 96
 
 
 def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
-    """The label, TERRAIN or ROCK, of the object that encloses a place (3,) in metres; None in the open.
+    """Find the label, TERRAIN or ROCK, of the object that encloses a position (3,) in metres; None in the open.
 
-    Triangles of ground and rocks face outward. A place is inside if most rays from it meet such triangles from
+    Triangles of ground and rocks face outward. A position is inside if most rays from it meet such triangles from
     behind."""
     k = np.arange(_RAYS) + 0.5
     height = 1.0 - 2.0 * k / _RAYS

@@ -21,7 +21,7 @@ def _load_library(folders: tuple[Path, ...]) -> Library | None:
 def open_tracer(
     world: World, folders: Sequence[Path] = (), without_embree: Callable[[World], Tracer] | None = None
 ) -> Tracer:
-    """A tracer of a world: Embree, if it is in one of ``folders``, in embreex or in the system; else the tracer that
+    """Open a tracer of a world: Embree from one of ``folders``, from embreex or from the system; else the tracer that
     ``without_embree`` makes. Raises IcyMoonError if both are missing, MemoryError if trees need more memory than there
     is."""
     library = _load_library(tuple(folders))

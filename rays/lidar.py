@@ -41,7 +41,7 @@ class ScannedBeams:
 def scan(
     world: World, tracer: Tracer, instrument: Instrument, pose: SensorPose, laws: Mapping[int, Backscatter]
 ) -> Iterator[Returns]:
-    """The returns of a scan from a sensor that stands still, batch by batch, with points and normals in the world.
+    """Yield the returns of a scan from a fixed sensor, batch by batch, with points and normals in world axes, metres.
 
     ``laws`` state the reflectance by the label of triangles. Beams without a return have no entry. Raises IcyMoonError
     for a label without a law.
@@ -60,8 +60,8 @@ def scan_and_measure(
     albedo: AlbedoMap | None = None,
     digitiser: Digitiser | None = None,
 ) -> Iterator[ScannedBeams]:
-    """The returns of ``scan``, with the delay of light in ice and the measurements of a detector beside them.
-    ``albedo`` varies the reflectance from place to place; ``digitiser`` records the waveforms of a detector. Raises
+    """Yield the returns of ``scan`` with the delay of light in ice and the measurements of a detector.
+    ``albedo`` varies the reflectance over the ground; ``digitiser`` records the waveforms of a detector. Raises
     IcyMoonError as ``scan`` does, and for a detector that cannot measure with the instrument."""
     measurement = Measurement(instrument, sensing)
     recorder = None if digitiser is None else Recorder(digitiser, measurement)
@@ -118,7 +118,7 @@ def trace_beams(
     rays: SubRays,
     albedo: AlbedoMap | None = None,
 ) -> Echoes:
-    """The places where the rays of beams meet surfaces; ``axis`` (m, 3) are unit vectors in the sensor's axes.
+    """Trace the rays of beams to surfaces; ``axis`` (m, 3) are the beams' unit vectors in the sensor's axes.
     Directions and normals of the result are in the world. For ``albedo`` see ``scan_and_measure``."""
     own = spread_beams(axis, rays, instrument.half_angle_rad)
     shape = own.shape[:2]

@@ -76,7 +76,7 @@ def trace_patterns(
 def _find_light(
     stage: Stage, eye: Eye, pixels: Array, projector: Projector, pose: Array, clip_m: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """The coordinates (n, 2) of the projector at the points that pixels see, and the irradiance (n,) there from a
+    """Find the projector coordinates (n, 2), px, of the points that pixels see, and the irradiance (n,) there from a
     projector of intensity 1; 0 in shadow and outside the cone around the field."""
     direction, (_, origin) = eye.directions(pixels), eye.place(pixels)
     seen = find_surface(stage.ground, stage.ground_tracer.intersect(origin, direction, *clip_m), origin, direction)

@@ -78,19 +78,19 @@ class World:
         )
 
     def move_planes(self, number: int, place: Array, triangle: Array) -> tuple[Array, Array]:
-        """The planes of triangles (n,) of the shape ``number`` in the world, each in its instance ``place`` (n,):
+        """Move the planes of triangles (n,) of the shape ``number`` into the world, by their instances ``place`` (n,):
         normals (n, 3) of any length, and their dot products (n,) with points of the planes."""
         planes = self.placed[number].shape.planes(triangle)
-        normal = self.turn_normals(number, place, planes[:, :3])
+        normal = self.transform_normals(number, place, planes[:, :3])
         if len(self.placed[number].places) == 1:
             first = self._first_place(number)
             return normal, planes[:, 3] * self._determinants[first] + normal @ self.places[first, :3, 3]
         return normal, planes[:, 3] * self._determinants[place] + dot_products(normal, self.places[place, :3, 3])
 
-    def turn_normals(self, number: int, place: Array, normals: Array) -> Array:
-        """Normals (n, 3), of any length, of the shape ``number`` in the world, each at its ``place`` (n,). They turn by
-        the cofactors of the matrix (its inverse transposed times its determinant), so that a cross product of two sides
-        stays the cross product of the turned sides."""
+    def transform_normals(self, number: int, place: Array, normals: Array) -> Array:
+        """Transform normals (n, 3), of any length, of the shape ``number`` to the world, by their instance ``place``
+        (n,). This uses the cofactors of the matrix (its inverse transposed times its determinant), so that a cross
+        product of two sides stays the cross product of the moved sides."""
         if len(self.placed[number].places) == 1:
             return np.asarray(normals @ self._cofactors[self._first_place(number)].T)
         return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
@@ -122,7 +122,7 @@ class World:
 class Hits:
     """The first triangle that each of n rays meets.
 
-    ``place`` (n,) is an index into the places of a ``World``, -1 for a ray that meets nothing; ``triangle`` (n,) is an
+    ``place`` (n,) is the index of an instance in a ``World``, -1 for a ray that meets nothing; ``triangle`` (n,) is an
     index into the triangles of the shape there. The point is (1 - u - v) A + u B + v C of the triangle's corners, with
     ``u`` and ``v`` (n,). ``along`` (n,), float64, is the length of a ray in units of its direction's length.
     """

@@ -38,7 +38,7 @@ class Eye:
     position: Array
 
     def directions(self, pixels: Array) -> Array:
-        """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows, scaled to a planar depth of
+        """Return world rays (n, 3) through the centres of pixels (n,), counted along rows, scaled to a planar depth of
         1."""
         row, column = np.divmod(pixels, self.columns)
         own = np.stack(
@@ -74,7 +74,7 @@ class Eye:
         """Planar depths (n,) of points ``away`` (n, 3) from the eye, in its axes."""
         return np.asarray(away[:, 2])
 
-    def own_depth(self, direction: Array, depth_m: Array) -> Array:
+    def to_own_depth(self, direction: Array, depth_m: Array) -> Array:
         """Depths (n,) along the eye's own axis, which are the ``depth_m`` along the rig's."""
         return depth_m
 
@@ -120,7 +120,7 @@ class CalibratedEye:
         """Distances (n,) of points ``away`` (n, 3) from the eye."""
         return np.asarray(np.linalg.norm(away, axis=-1))
 
-    def own_depth(self, direction: Array, distance_m: Array) -> Array:
+    def to_own_depth(self, direction: Array, distance_m: Array) -> Array:
         """Depths along the eye's own axis from distances, both (n,), along rays (n, 3); NaN for rays that lead 90
         degrees or more away from it."""
         ahead = direction @ (self.axes @ self.own.rotation[2])
@@ -201,7 +201,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         seen.along[lost] = np.inf
         hidden = find_hidden(stage.ground_tracer, eye, other, pixels, direction, seen.along, baseline_m, near_m)
         for values, target in (
-            (eye.own_depth(direction, seen.along), truth.depth_m),
+            (eye.to_own_depth(direction, seen.along), truth.depth_m),
             (seen.label, truth.label),
             (seen.number, truth.number),
             (hidden, truth.hidden),
@@ -249,7 +249,7 @@ def find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Whether something is in front of each point in the other eye's view, nearer by at least ``LEAST_GAP_PX`` of
+    """Return whether a surface hides each point from the other eye, nearer by at least ``LEAST_GAP_PX`` of
     disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter the other eye sees the point in the
     same row."""
     hidden = np.zeros(len(along_m), bool)

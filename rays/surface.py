@@ -42,9 +42,9 @@ class Tracer(Protocol):
 
 @dataclass(frozen=True)
 class Surface:
-    """The places where n rays meet the world. ``along`` (n,), float64, is the length of a ray in units of its
+    """The hit points of n rays on the world. ``along`` (n,), float64, is the length of a ray in units of its
     direction's length, infinite without a hit. ``normal`` (n, 3), float64, belongs to the triangle, on the side of the
-    ray's origin; ``label`` (n,) uint8 to the triangle, and ``number`` (n,) int64 to the place. These three are 0
+    ray's origin; ``label`` (n,) uint8 to the triangle, and ``number`` (n,) int64 to the instance. These three are 0
     without a hit."""
 
     along: Array
@@ -82,7 +82,7 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
         rays = rays[shape.smooth[hits.triangle[rays]]]
         corners = shape.triangles[hits.triangle[rays]]
         sides = [
-            world.turn_normals(number, hits.place[rays], each)
+            world.transform_normals(number, hits.place[rays], each)
             for each in (_interpolate(shape.normals, corners, hits, rays), shape.planes(hits.triangle[rays])[:, :3])
         ]
         found[rays] = (

@@ -42,7 +42,7 @@ from . import baked_rocks, cycles_settings, texel_bakes
 from .mesh_arrays import read_corners, read_triangles, read_vertices
 from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
-from .workers.shared_light import KeptLight, SharedLight
+from .workers.shared_light import SharedLight, StoredLight
 
 #: Version of the bake. Raise this number when the same settings are baked in another way, or when files of baked light
 #: contain more.
@@ -75,9 +75,9 @@ class IndirectLight:
     image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
     """
 
-    lights: Mapping[str, KeptLight] = field(default_factory=dict)
+    lights: Mapping[str, StoredLight] = field(default_factory=dict)
     why_traced: str = ""
-    tried: Mapping[str, KeptLight] = field(default_factory=dict)
+    tried: Mapping[str, StoredLight] = field(default_factory=dict)
     spent_s: float = 0.0
 
     def to_json(self, shares: Mapping[str, Mapping[str, float]], noise_of_image: float | None) -> dict[str, Any] | None:
@@ -100,8 +100,8 @@ class IndirectLight:
         }
 
     def find_why_traced(self, stated: dict[str, Any] | None, limit: float) -> str:
-        """The reason why an image must be ray traced after all, as a clause, from the ``stated`` entry of ``to_json``;
-        empty if baked light is fit.
+        """Find the reason, as a clause, why an image must be ray traced, from the ``stated`` entry of ``to_json``;
+        empty if baked light is good enough.
 
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
         make matching easier than it is. A ``limit`` of 0 means no limit.
@@ -134,7 +134,7 @@ def provide_baked_light(
         return IndirectLight()
     if why := find_why_not_baked(settings) or _find_why_unsuitable(built):
         return IndirectLight(why_traced=why)
-    lights: dict[str, KeptLight] = {}
+    lights: dict[str, StoredLight] = {}
     spent, mesh = 0.0, built.terrain.data
     shining = _find_light_groups(built)
     seen = find_visible_facets(built, planned) if settings.quality.bake_area == "VIEW" else None
@@ -174,7 +174,7 @@ def _find_or_bake(
     group: str,
     dark: list[bpy.types.Object],
     seen: Array | None,
-) -> tuple[KeptLight, float]:
+) -> tuple[StoredLight, float]:
     """A light group's baked light, and the processor seconds that this call took."""
     rocks = built.rocks
     return shared.get(
@@ -350,7 +350,7 @@ def _bake_rocks(
     group: str,
     samples: int,
 ) -> Array:
-    """The terms (rocks, terms, 3) of the indirect light on rocks, see ``physics.light.baked_rocks``."""
+    """Bake the terms (rocks, terms, 3) of the indirect light on rocks, see ``physics.light.baked_rocks``."""
     random = make_generator(int(settings.dataset.seed), "bake", 2, *_KEY_PARTS_BY_GROUP[group])
     points = baked_rocks.draw_points(rocks, random)
     used = baked_rocks.are_above_ground(points, terrain)

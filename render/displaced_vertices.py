@@ -190,7 +190,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
 
 
 def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
-    """Which facets of four corners are rendered as triangles 0 1 3 and 1 2 3, in place of 0 1 2 and 0 2 3."""
+    """Return which facets of four corners are rendered as triangles 0 1 3 and 1 2 3, instead of 0 1 2 and 0 2 3."""
     loops, facets = read_triangles(mesh)
     first = np.zeros(len(starts), np.int64)
     first[facets[::-1]] = np.arange(len(facets))[::-1]
@@ -201,7 +201,7 @@ def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array
     """Shifts (n, k, 3) of the ``corners`` (n, k, 3) of facets with k = 3 or 4 corners, and whether (n,) they are
     determined.
 
-    They are solved from places on the facets: ``rest`` (n, k, 3) before the movement, and their ``shift`` (n, k, 3).
+    They are solved from points on the facets: ``rest`` (n, k, 3) before the movement, and their ``shift`` (n, k, 3).
     ``across`` (n,) tells whether a facet of four corners has its diagonal from the second corner to the last.
     """
     count, sides = corners.shape[:2]

@@ -212,7 +212,7 @@ def _open_pair_folder(folder: Path) -> Iterator[Path]:
 
 
 def lower_quality(planned: PlannedPair) -> PlannedPair:
-    """The same ground at a quality that every Blender can make: without denoiser, graphics card and OSL.
+    """Lower a pair's quality to one that every Blender can build, without denoiser, graphics card and OSL.
 
     A pair whose files changed, so that its id no longer fits, stays as it is; the build refuses it as a render does.
     """

@@ -34,7 +34,7 @@ _AXES_TEXT = "x east, y north, z up, metres, right-handed"
 
 
 def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) -> str:
-    """The site's frame in a sentence; ``ground`` is its report, with its place on a map."""
+    """Describe the site's frame in a sentence; ``ground`` is the ground's report, with its map position."""
     light = settings.light
     place = find_sky_place(settings, (ground or {}).get("map"))
     latitude = place.latitude_deg if place else light.latitude_deg
@@ -66,7 +66,7 @@ def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str,
 def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Write the files of ``MAPS`` as float32 GeoTIFF, NaN where there is no ground, and return facts on them.
 
-    The TIFF tag ``map`` is the place that ``ground`` states, as JSON.
+    The TIFF tag ``map`` is the map position from ``ground``, as JSON.
     """
     extent, notes = made.extent, describe_map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):

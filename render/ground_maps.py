@@ -88,7 +88,7 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
 def make_heights(rays: SceneRays, extent: Extent) -> Array:
     """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
 
-    The height of a cell is the median at 3 x 3 places in it, as matchers' points are gridded by medians too. Other
+    The height of a cell is the median at 3 x 3 points in it, as matchers' points are gridded by medians too. Other
     objects, such as a lander, do not count.
     """
     fine = replace(

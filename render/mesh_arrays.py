@@ -54,7 +54,7 @@ def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
 
 
 def read_smooth_shading(mesh: bpy.types.Mesh) -> Array:
-    """Which facets (n,) of a mesh are shaded smoothly, bool."""
+    """Read which facets of a mesh are shaded smoothly, bool (n,)."""
     return ~_read_facets(mesh, "sharp_face", bool)
 
 

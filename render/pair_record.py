@@ -33,8 +33,8 @@ from .plans.planned_pair import PlannedPair
 
 
 def make_light_json(built: Built, source: str) -> dict[str, Any]:
-    """The entry "light" of ``pair.json``: the sky by ``source``, a value of ``light.directions_from``, or as the user
-    turned the lamp.
+    """Make the entry "light" of ``pair.json``: the sky by ``source``, a value of ``light.directions_from``, or by the
+    user's rotation of the lamp.
     """
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
@@ -50,7 +50,7 @@ def make_light_json(built: Built, source: str) -> dict[str, Any]:
 
 
 def _compute_eye_pose(pose: Array, rotation: Array) -> Array:
-    """The camera-to-world matrix (4, 4) of an eye of the parallel rig after a turn by ``rotation`` (3, 3)."""
+    """Rotate the camera-to-world matrix (4, 4) of an eye of the parallel rig by ``rotation`` (3, 3)."""
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ rotation.T
     return turned

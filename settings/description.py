@@ -62,7 +62,7 @@ def _to_double(value: float) -> float:
 
 
 def _to_single(value: float | str) -> float:
-    """A number rounded to single precision and its shortest spelling; infinite if it is too large."""
+    """Round a number to single precision, then to its shortest decimal form; infinite if it is too large."""
     number = float(value)
     # A cache would confuse 0 and -0.
     return _to_single_cached(number) if number else number
@@ -149,7 +149,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
 
 
 def _join_tables(parts: Iterable[Tables]) -> Tables:
-    """All tables in one description. If several state a setting, the last value counts."""
+    """Join all tables into one description. If several contain a setting, the last value counts."""
     tables: Tables = {}
     for part in parts:
         for topic, values in part.items():
@@ -187,7 +187,7 @@ def _was_renamed_topic(topic: str) -> bool:
 
 
 def suggest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
-    """The end of an error sentence about an unknown topic, as from ``suggestions.suggest_nearest``.
+    """Return the end of an error sentence about an unknown topic, as ``suggestions.suggest_nearest`` does.
 
     TOML reads a quoted name such as "terrain.size_m" as a single key, so it looks like an unknown topic.
     """
@@ -240,7 +240,7 @@ class Restorer:
         return _make_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
-        """A table by its topic, completed from ``_make_older_defaults`` with the settings that it lacks."""
+        """Return a topic's table, completed with the settings that it lacks from ``_make_older_defaults``."""
         return _make_once(
             self._whole, topic, values, lambda: merged({topic: self._before.get(topic, {})}, {topic: values})
         )
@@ -278,7 +278,7 @@ def ask_to_update(where: str, written_by: str) -> Iterator[None]:
 
 
 def merged(*parts: Parts) -> Settings:
-    """One description from several partial ones. Later descriptions override earlier ones."""
+    """Merge partial descriptions into one. Later descriptions override earlier ones."""
     result = Settings()
     for part in parts:
         for topic, values in part.items():
@@ -287,7 +287,7 @@ def merged(*parts: Parts) -> Settings:
 
 
 def overlay(base: Settings, part: Parts) -> Settings:
-    """A description with a part that overrides it, as from ``merged``. The result shares unchanged tables with
+    """Override ``base`` by the partial description ``part``, like ``merged``. The result shares unchanged tables with
     ``base``.
     """
     return Settings({**base, **merged({topic: base.get(topic, {}) for topic in part}, part)})

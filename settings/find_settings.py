@@ -27,7 +27,7 @@ _INSIDE = 0.5
 
 
 class _Entry(NamedTuple):
-    """A setting and the words by which it is found: of its label, its name, its panel, its choices, its tooltip."""
+    """A setting and its search words: of its label, name, panel, choices and tooltip."""
 
     topic: str
     key: str

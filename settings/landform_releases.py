@@ -49,7 +49,7 @@ def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
 
 
 def keep_missing_table(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """The stored table of a landform that is not installed here; empty if it was off.
+    """Return the stored table of a landform that is not installed here; empty if the landform was off.
 
     It is kept unchecked, so that the pair can be read and keeps its id. Raises IcyMoonError if it contains anything
     other than numbers and the release.

@@ -28,7 +28,7 @@ RENAMED_SETTINGS: dict[str, str] = {}
 
 
 def make_pair_id(settings: Mapping[str, Mapping[str, Value]], extra: str = "", counter: Counter | None = None) -> str:
-    """The id of the pair with these complete settings: twelve hexadecimal digits.
+    """Make the id of the pair with these complete settings: twelve hexadecimal digits.
 
     Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
     only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files

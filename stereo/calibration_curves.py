@@ -72,7 +72,7 @@ class MeasuredError:
 
 
 def parse_errors(stated: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The errors of each setting from ``KEY=NUMBER,NUMBER…``, or both signs of ``MAGNITUDES``; 0 is always among them.
+    """Parse ``KEY=NUMBER,NUMBER…`` to the errors of each setting, by default both signs of ``MAGNITUDES``; 0 is added.
 
     Raises IcyMoonError for a setting that does not exist or a number out of its range.
     """
@@ -140,7 +140,7 @@ def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRa
 
 
 def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float) -> PreparedPair:
-    """The pair as a calibration with one error gives it."""
+    """Develop the pair again with one error in its calibration."""
     stated = check({TOPIC: {key: value}}, f"{TOPIC}.{key}")
     settings = merged(loaded.settings, stated)
     images = develop(loaded.pair, loaded.light["left"], loaded.light["right"], settings)

@@ -18,9 +18,9 @@ from ..support.suggestions import suggest_nearest
 from ..support.terminal import (
     Parser,
     add_json_lines,
-    add_list,
     add_maps_option,
     add_own_matchers,
+    add_repeatable_option,
     as_path,
     check_least,
     keep_progress,
@@ -77,7 +77,9 @@ def _add_match_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--method", required=True, help="a method that the verb methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
-    add_list(command, "--option", "KEY=VALUE", "option of the method, such as window=21 or preset=guiss", nargs="+")
+    add_repeatable_option(
+        command, "--option", "KEY=VALUE", "option of the method, such as window=21 or preset=guiss", nargs="+"
+    )
     command.add_argument(
         "--camera",
         type=as_path,
@@ -135,7 +137,9 @@ def _add_export_arguments(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write only what a method on another machine needs: images and camera of each pair, foreign ones too",
     )
-    add_list(command, "--set", "sensor.KEY=VALUE", "change the camera response that the pairs were rendered for")
+    add_repeatable_option(
+        command, "--set", "sensor.KEY=VALUE", "change the camera response that the pairs were rendered for"
+    )
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     *others, last = exports_with_blender()
     command.add_argument(
@@ -156,8 +160,8 @@ def _list_takers(option: Option) -> str:
 
 def _add_develop_arguments(command: argparse.ArgumentParser) -> None:
     _add_paths_argument(command, "pair folder, or data set of pairs; may be several")
-    add_list(command, "--preset", "sensors/NAME", "a camera response that Icy Moon ships")
-    add_list(
+    add_repeatable_option(command, "--preset", "sensors/NAME", "a camera response that Icy Moon ships")
+    add_repeatable_option(
         command,
         "--set",
         "sensor.KEY=VALUE",
@@ -272,15 +276,17 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
 
 def _add_method_options(command: argparse.ArgumentParser) -> None:
     """Add the options that state methods and their camera response, except ``--methods``."""
-    add_list(
+    add_repeatable_option(
         command,
         "--method",
         "NAME=MATCHER:KEY=VALUE",
         "one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat",
     )
-    add_list(command, "--option", "METHOD.KEY=VALUE", "option for every use of a matcher, such as bm.window=21")
+    add_repeatable_option(
+        command, "--option", "METHOD.KEY=VALUE", "option for every use of a matcher, such as bm.window=21"
+    )
     add_own_matchers(command)
-    add_list(
+    add_repeatable_option(
         command,
         "--set",
         "sensor.KEY=VALUE",
@@ -297,7 +303,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         "or none, which --predictions alone mean (bm,sgbm, and icynet where PyTorch or ONNX Runtime is)",
     )
     _add_method_options(command)
-    add_list(
+    add_repeatable_option(
         command,
         "--predictions",
         "NAME=FOLDER",

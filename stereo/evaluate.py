@@ -263,7 +263,7 @@ class Evaluation:
 
 
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
-    """The facts of a pair from an earlier run, if its content is the same and its pictures exist."""
+    """Read the facts of a pair from an earlier run; None if its content differs or its pictures are missing."""
     facts = find_facts(out, pair)
     return facts if facts and facts["key"] == content and has_named_files(facts, out, pair) else None
 

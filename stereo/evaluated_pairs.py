@@ -99,8 +99,8 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
 
 
 def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
-    """The sources in an order in which pairs on the same ground follow each other, so that the ground for their search
-    ranges is made once. An unreadable pair is among the first."""
+    """Sort the sources so that pairs on the same ground follow each other, and the ground for their search ranges is
+    made once. An unreadable pair is among the first."""
     restore, grounds = Restorer(), {}
     for source in sources:
         grounds[source.name] = ""

@@ -56,7 +56,7 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
 
 
 def _was_written_by_evaluation(path: Path, begin: bytes) -> bool:
-    """Whether a file begins like a file of an evaluation. The file may end within these bytes, since a run may have
+    """Return whether a file begins as an evaluation's does. It may end within these bytes, since a run may have
     been killed there."""
     with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin

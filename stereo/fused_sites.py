@@ -57,7 +57,7 @@ class FusedSite:
         return self.pairs[-1].prepare(response)
 
     def prepare_others(self, response: Mapping[str, Mapping[str, Any]]) -> Iterator[PreparedPair]:
-        """The other pairs, one at a time, because all together may not fit into memory."""
+        """Yield the site's other pairs, one at a time, because all together may not fit into memory."""
         for pair in self.pairs[:-1]:
             yield pair.prepare(response)
 
@@ -68,7 +68,7 @@ def list_pairs(source: Source) -> tuple[Source, ...]:
 
 
 def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
-    """The sites of pairs, each at the place of its first pair.
+    """Group pairs by site; each site takes its first pair's position in the order.
 
     Raises IcyMoonError for a pair of another program, for a site with one pair, and for two pairs under one Sun.
     """
@@ -122,7 +122,7 @@ def _find_time(pair: Pair) -> tuple[str, str]:
 
 
 def _make_site_key(pair: Pair) -> str:
-    """A key that pairs of one site share. A pair that was edited by hand shares it with no other, as its settings do
+    """Make a key that only pairs of one site share. A pair that was edited by hand has a unique key, as its settings do
     not describe its ground.
     """
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")

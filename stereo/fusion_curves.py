@@ -46,17 +46,17 @@ class PointSweep:
         found = [*matchers]
         for points, noise, shift in product(self.points, self.noise_cm, self.shift_px):
             given = {"points": f"{points}", "noise_cm": f"{noise:g}", "shift_px": f"{shift:g}", **self.shared}
-            found.append(Method(_spell("", given), LIDAR, {}, complete_lidar_options(LIDAR, given)))
+            found.append(Method(_format_method("", given), LIDAR, {}, complete_lidar_options(LIDAR, given)))
             for matcher, (rule, guide) in product(matchers, self.ways):
                 more = given | {"rule": rule, "guide": guide}
                 options = complete_lidar_options(matcher.name, more)
-                found.append(replace(matcher, label=_spell(matcher.label, more), lidar=options))
+                found.append(replace(matcher, label=_format_method(matcher.label, more), lidar=options))
         if len({method.label for method in found}) < len(found):
             raise IcyMoonError("A number of points, a noise, a shift or a way is stated twice; leave one out.")
         return found
 
 
-def _spell(matcher: str, given: Mapping[str, str]) -> str:
+def _format_method(matcher: str, given: Mapping[str, str]) -> str:
     """A method in the spelling of ``--methods``, without options that have their defaults."""
     usual = complete_lidar_options(matcher or LIDAR, {})
     asked = complete_lidar_options(matcher or LIDAR, given)
@@ -132,8 +132,8 @@ def _name_matcher(method: Method) -> str:
 
 
 def find_crossover(curves: Sequence[Mapping[str, Any]], pair: str, matcher: str, metric: str) -> int | None:
-    """The smallest number of points from which on the interpolation alone has fewer errors than a matcher alone on a
-    pair; None without one. ``curves`` have one noise and one shift."""
+    """Find the smallest number of points from which on the interpolation alone has fewer errors than a matcher alone on
+    a pair; None without such a number. ``curves`` have one noise and one shift."""
     alone = next(
         row[metric] for row in curves if row["pair"] == pair and row["matcher"] == matcher and not row["points"]
     )

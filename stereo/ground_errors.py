@@ -106,7 +106,7 @@ def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -
 
 
 def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Array]:
-    """The error at each place in the image, and whether the camera sees the vertex there, by its depth."""
+    """Sample the error at each image position, and whether the camera sees the vertex there, by its depth."""
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
     rows, columns = (
@@ -137,7 +137,7 @@ def choose_better_result(one: VertexErrors, other: VertexErrors) -> VertexErrors
 
 
 def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
-    """Numbers of pixels with a true depth: ``far``, ``near``, ``right`` and ``missing``; and of all these ``coarse``,
+    """Count the pixels with a true depth: ``far``, ``near``, ``right`` and ``missing``; and of all these ``coarse``,
     in a square of MOST_EDGE_PX without a vertex that shows an error. ``places`` (n, 2) are these vertices in the image.
     """
     known = np.isfinite(errors.truth)

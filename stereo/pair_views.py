@@ -183,7 +183,8 @@ def _find_shift_px(pair: Pair, depth: Array) -> int:
 
 
 def _reduce(image: Array, factor: int) -> Array:
-    """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
+    """Average an image over squares of ``factor`` pixels to uint8, without incomplete squares at the right and
+    bottom."""
     height, width = (n // factor for n in image.shape[:2])
     squares = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)

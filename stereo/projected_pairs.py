@@ -75,7 +75,7 @@ def read_projection(path: Path) -> Projection:
 
 
 def find_refusal(settings: Settings) -> str:
-    """The reason why patterns cannot be projected in a scene with these settings, as a sentence; empty without one."""
+    """Find why patterns cannot be projected in a scene with these settings, as a sentence; empty if they can."""
     rig = settings.rig
     for bad, what, fix in (
         (rig.images != "PAIR", "has no pair", "set rig.images to PAIR"),

@@ -49,7 +49,7 @@ def make_result_row(
 
 
 def make_failed_row(pair: str, method: Method, key: str, message: str) -> Row:
-    """The row of a method that failed on a pair; ``message`` is the error."""
+    """Make the row of a method that failed on a pair; ``message`` is the error."""
     return {
         "pair": pair,
         "method": method.label,

@@ -12,7 +12,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from .learning.grounds import Variety
 from .learning.made_pairs import MadePairs
-from .learning.sources import GroundSource, SourcesByTurns
+from .learning.sources import GroundSource, RotatingSources
 from .torch_data import Dataset
 
 #: The word that names the pairs made by rays; ``made:`` before a preset or a file of settings takes the ground from it.
@@ -45,7 +45,7 @@ def open_sources(names: Sequence[str], crop_px: tuple[int, int], seed: int) -> G
     if len(set(names)) < len(names):
         raise IcyMoonError(f"--data has {' '.join(names)}, of which one comes twice; name each once.")
     sources = [_open_source(name, crop_px, seed) for name in names]
-    return sources[0] if len(sources) == 1 else SourcesByTurns(sources)
+    return sources[0] if len(sources) == 1 else RotatingSources(sources)
 
 
 def _open_source(name: str, crop_px: tuple[int, int], seed: int) -> GroundSource:

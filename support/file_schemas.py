@@ -138,7 +138,7 @@ def _take_first_fault(faults: Iterable[str]) -> str:
 
 
 def check_record(data: object, shape: Shape, where: object, fix: str) -> Any:
-    """``data`` if it has this shape. Otherwise raises IcyMoonError with the place, the fault and the fix."""
+    """Return ``data`` if it has this shape. Raises IcyMoonError with the file ``where``, the fault and the ``fix``."""
     wrong = find_fault(data, shape)
     if wrong:
         raise IcyMoonError(f"{where}: {wrong}; {fix}.")

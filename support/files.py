@@ -209,7 +209,7 @@ def read_checksum(path: Path, most: float = math.inf) -> str:
 
 
 def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path:
-    """The file or folder that the setting ``name`` states: ``~`` is the home folder, ``//`` the .blend's folder.
+    """Return the absolute path in the setting ``name``: ``~`` is the home folder, ``//`` the .blend's folder.
     ``blend_folder`` is empty or None without a saved .blend. Raises IcyMoonError for an empty or impossible path, and
     for // without a saved .blend."""
     if text.startswith("//"):
@@ -248,7 +248,7 @@ def parse_path(text: str, name: str) -> Path:
 
 
 def shorten(text: str) -> str:
-    """A text to quote in a sentence: only its beginning if it is long."""
+    """Shorten a text for a quotation in a sentence: only its beginning if it is long."""
     return text if len(text) <= 80 else text[:60] + "…"
 
 

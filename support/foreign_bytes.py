@@ -237,7 +237,7 @@ def read(
     most: int = MOST_BYTES,
     memory: int = MOST_MEMORY,
 ) -> Parsed:
-    """The result of ``parse`` for a file.
+    """Read a file and return the result of ``parse``.
 
     ``kind`` names the format with its article, as in "a PLY file"; ``fix`` is an imperative without a full stop.
     ``most`` limits the bytes of the file, ``memory`` the bytes that the parser charges. Raises IcyMoonError, one
@@ -349,7 +349,7 @@ def split_lines(data: bytes, longest: int = LONGEST_LINE_BYTES) -> Iterator[tupl
 
 
 def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
-    """The lines of a text that comes in parts; each part but the last has ``longest`` bytes or more."""
+    """Yield the lines of a text from consecutive chunks; each chunk but the last has ``longest`` bytes or more."""
     number, rest = 0, b""
     for part in parts:
         *whole, rest = (rest + part).split(end)
@@ -406,7 +406,7 @@ def make_path_hint(error: ValueError) -> str:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for other texts,
+    """Parse a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for other texts,
     for more than ``MOST_TOML_CHARACTERS`` characters, and for keys of more than ten parts."""
     if len(text) > MOST_TOML_CHARACTERS:
         raise tomllib.TOMLDecodeError(
@@ -453,7 +453,8 @@ def _refuse_long_numbers(data: dict[str, Any]) -> None:
 
 
 def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
-    """The root of an XML text without entities. Its elements and attributes are charged to ``budget``, if given.
+    """Parse an XML text without entities and return its root. Elements and attributes are charged to ``budget``, if
+    any.
 
     Raises ValueError for a text that is not XML, and for a document type, because its entities may unfold without end
     or name other files.

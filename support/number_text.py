@@ -4,8 +4,8 @@ from __future__ import annotations
 
 
 def show_rounded(value: float, digits: int = 2) -> str:
-    """A number with ``digits`` significant digits, no exponent, and a space between thousands: 0.0012, 1 200. (The
-    format ``.2g`` would turn 100 into 1e+02.)"""
+    """Format a number with ``digits`` significant digits, no exponent, and a space between thousands: 0.0012, 1 200.
+    (The format ``.2g`` would turn 100 into 1e+02.)"""
     return f"{float(f'{value:.{digits}g}'):,.10g}".replace(",", " ")
 
 
@@ -18,7 +18,7 @@ def show_place(latitude_deg: float, longitude_deg: float, form: str = "g") -> st
 
 
 def format_count(number: int, thing: str, things: str = "") -> str:
-    """A count with its noun, as a reader expects it: 1 pair, 0 pairs, 12 pairs.
+    """Format a count with its noun: 1 pair, 0 pairs, 12 pairs.
 
     ``things`` is the plural where it is not ``thing`` and an s.
     """

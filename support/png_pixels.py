@@ -44,8 +44,8 @@ def check_png(foreign: ForeignBytes) -> PngHead:
 
 
 def decode_png(foreign: ForeignBytes) -> Array:
-    """The stored values (rows, columns, channels) of a whole PNG file, each divided by the largest that its bits can
-    state; float32, row 0 at the top.
+    """Decode a PNG file to (rows, columns, channels) float32, 0 to 1: each value divided by the largest of its bits,
+    row 0 at the top.
 
     The memory is charged to the file's budget. Raises ValueError for a damaged file, and RefusedError for a palette and
     for interlaced rows.

@@ -170,8 +170,7 @@ def is_broken_pipe(error: OSError) -> bool:
 
 
 def lock(path: Path) -> IO[bytes] | None:
-    """The file, opened and locked for this process, and made if it is missing; None if another
-    process has locked it."""
+    """Open and lock a file for this process, and make it if it is missing; None if another process has locked it."""
     stream = path.open("a+b")
     try:
         if is_windows():
@@ -460,8 +459,8 @@ def start_dependent(command: Sequence[str], environment: Mapping[str, str] | Non
 def start_detached(
     command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes], log: IO[bytes], stop: Path
 ) -> subprocess.Popen[bytes]:
-    """As ``start``, for a program that may outlive this process. It holds the lock ``held`` of ``lock_for_child`` and
-    writes to ``log``. ``stop`` names the file by which ``interrupt_detached`` stops it."""
+    """Start a program as ``start`` does, which may outlive this process. It holds the lock ``held`` of
+    ``lock_for_child`` and writes to ``log``. ``stop`` names the file by which ``interrupt_detached`` stops it."""
     remove(stop)
     told = _stop_environment(environment, str(stop)) if is_windows() else environment
     return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
@@ -615,7 +614,7 @@ def silence_interrupts() -> Iterator[None]:
 
 
 def find_process_scope() -> str:
-    """The name of the scope in which a process number is unique; empty if unknown."""
+    """Find a name of the scope in which a process number is unique; empty if unknown."""
     if PLATFORM == "linux":
         try:
             boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

@@ -45,7 +45,9 @@ def as_path(text: str) -> Path:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def add_list(parser: argparse.ArgumentParser, flag: str, metavar: str | None, words: str, **more: Any) -> None:
+def add_repeatable_option(
+    parser: argparse.ArgumentParser, flag: str, metavar: str | None, words: str, **more: Any
+) -> None:
     """Add an option that may be given several times; its value is the list of all given values."""
     parser.add_argument(flag, action="append", default=[], metavar=metavar, help=words, **more)
 
@@ -53,7 +55,7 @@ def add_list(parser: argparse.ArgumentParser, flag: str, metavar: str | None, wo
 def add_own_matchers(parser: argparse.ArgumentParser, where: str = "--methods") -> None:
     """Add ``--own``, by which the option ``where`` can name the user's own matchers."""
     words = f"option of your own matcher, which {where} then names as own:NAME; may repeat"
-    add_list(parser, "--own", "NAME:METHOD:KEY=VALUE", words)
+    add_repeatable_option(parser, "--own", "NAME:METHOD:KEY=VALUE", words)
 
 
 def add_json_lines(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +85,7 @@ def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
 
 
 def parse_list_option(names: Sequence[str]) -> list[str]:
-    """The names that an option states; an empty list for ``ALL_WORD``."""
+    """Return the names of a repeatable option; an empty list for ``ALL_WORD``."""
     return [] if list(names) == [ALL_WORD] else list(names)
 
 

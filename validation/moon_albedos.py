@@ -190,7 +190,7 @@ def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float)
     return float(2.5 * np.log10(near / far) / (far_deg - near_deg))
 
 
-def reflectance_at_five(law: photometry.Law) -> float:
+def radiance_factor_at_5_deg(law: photometry.Law) -> float:
     """I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
     return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
 
@@ -304,7 +304,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
         ),
         Row(
             "`hapke_europa_dark_lineae`, I/F at emission and phase 5°",
-            reflectance_at_five(dark),
+            radiance_factor_at_5_deg(dark),
             0.17,
             0.005,
             f"{_HELFENSTEIN}, 0.56 µm",
@@ -323,12 +323,12 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
 def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
     """Rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
     law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
-    mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
+    mixed = (1 - share) * radiance_factor_at_5_deg(plains) + share * radiance_factor_at_5_deg(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
     return [
         Row(
             f"{preset}, I/F at emission and phase 5°",
-            reflectance_at_five(law),
+            radiance_factor_at_5_deg(law),
             mixed,
             0.003,
             f"no measurement: "

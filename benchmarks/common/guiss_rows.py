@@ -43,7 +43,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
             setattr(scene.cycles, name, value)
 
     cycles_settings.apply_quality = applied
-    apart = _Apart()
+    apart = _SeparateRenders()
     if rung.apart:
         render_pair._render_radiance = apart.radiance
     # Each pair is built anew, so nothing has to be rotated.
@@ -70,7 +70,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     return made
 
 
-class _Apart:
+class _SeparateRenders:
     """Separate renders of each eye, as in the paper's public code: nothing is shared, and only the left eye has
     depth."""
 

@@ -162,7 +162,7 @@ def imported(program: str) -> float:
 
 
 def measured(feature: Feature) -> dict[str, Any]:
-    """Least seconds on and off, and the change of mean radiance and depth of a pair."""
+    """Measure a feature: least seconds with and without it, and its change of a pair's mean radiance and depth."""
     if isinstance(feature.on, str) or isinstance(feature.off, str):
         seconds = [(imported(str(feature.on)), imported(str(feature.off))) for _ in range(REPEATS)]
         return _least(seconds)

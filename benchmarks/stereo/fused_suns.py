@@ -241,7 +241,7 @@ def state_mean(values: Array, shares: bool = False, digits: int = 3) -> str:
 
 
 def select(rows: Sequence[Row], label: str) -> list[Row]:
-    """The rows of a method."""
+    """Select the rows of a method by its label."""
     return [row for row in rows if row["method"] == label]
 
 

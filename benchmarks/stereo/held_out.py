@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def fill_holes(disparity: Array) -> Array:
-    """A disparity (H, W), px, NaN where nothing is measured, with its holes filled smoothly."""
+    """Fill the holes (NaN) of a disparity (H, W), px, smoothly."""
     holes = np.isnan(disparity)
     known = np.where(holes, np.float32(0), disparity)
     return np.asarray(cv2.inpaint(known, holes.astype(np.uint8), _FILL_RADIUS_PX, cv2.INPAINT_NS))

@@ -127,7 +127,7 @@ def _percent(masks: Masks, of: Masks | None) -> float:
 
 
 def _find_by_rays(built: Built, settings: Settings) -> Masks:
-    """The hidden pixels of a pair whose truth is found by rays."""
+    """Find the hidden pixels of a pair whose truth is traced by rays."""
     made = description.merged(settings, {"quality": {"truth_by": "RAYS"}})
     with scratch() as folder:
         render(built, typed(made), folder)

@@ -50,7 +50,7 @@ _BELOW_DEG, _ABOVE_DEG, _SUN_TO_THE_RIGHT_DEG = 22.0, 3.0, 75.0
 
 
 def look_at_planet(settings: Settings) -> Parts:
-    """The settings that turn the camera so that the planet is in the picture above the ground."""
+    """Make the settings that rotate the camera so that the planet is in the picture above the ground."""
     light, rig = settings.light, settings.rig
     top = light.planet_elevation_deg + light.planet_angular_diameter_deg / 2 + _ABOVE_DEG
     height_mm = rig.sensor_width_mm * HEIGHT / WIDTH

@@ -56,8 +56,8 @@ def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
-    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError without such
-    a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
+    """Find the model that equals a camera, or is fitted to its lens of Brown and Conrady. Raises IcyMoonError without
+    such a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
     lens = camera.lens
     if (
         isinstance(lens, Brown)

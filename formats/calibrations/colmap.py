@@ -148,7 +148,7 @@ def write_colmap(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     (folder,) = paths
     cameras, images = [], []
     for number, camera in enumerate(rig.cameras, 1):
-        model, parameters = _stated(camera)
+        model, parameters = _list_lens_parameters(camera)
         words = " ".join(map(repr, parameters))
         cameras.append(f"{number} {model} {camera.width_px} {camera.height_px} {words}\n")
         placed = [*quaternion(camera.rotation), *camera.translation_m]
@@ -159,7 +159,7 @@ def write_colmap(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     write_text(folder / "points3D.txt", "")
 
 
-def _stated(camera: CalibratedCamera) -> tuple[str, list[float]]:
+def _list_lens_parameters(camera: CalibratedCamera) -> tuple[str, list[float]]:
     same, lens = to_opencv_lens(camera)
     common = [same.fx_px, same.fy_px, same.cx_px + _HALF_PIXEL, same.cy_px + _HALF_PIXEL]
     k = lens.coefficients

@@ -75,12 +75,13 @@ def read_head(path: Path) -> Head:
 
 
 def _name_keys(sentence: str) -> str:
-    """A sentence of the shell on a calibration with the keys of a head in place of options."""
+    """Replace the options in a sentence on a calibration by the keys of a head."""
     return re.sub("|".join(_KEYS), lambda found: _KEYS[found[0]], sentence)
 
 
 def list_head_files(path: Path) -> list[Path]:
-    """A file and the calibrations that it names; the file alone if it is not a head, which ``read_head`` reports."""
+    """List a head's file and the calibrations that it names; the file alone if it is no head: ``read_head`` reports
+    it."""
     try:
         return list(read_head(path).files)
     except IcyMoonError:
@@ -191,7 +192,7 @@ class _Entry:
         return found[0]
 
     def _pose(self, frame: str, projection: Projection) -> tuple[Array, Array]:
-        """Rotation (3, 3) from the camera's axes to its frame, and its position there."""
+        """Return the rotation (3, 3) from the camera's axes to its frame, and the position (3,) there, m."""
         calibrated = isinstance(projection, CalibratedCamera) and "calibration" in self._table
         if calibrated and isinstance(projection, CalibratedCamera):
             rotation, position = projection.rotation.T, projection.centre_m

@@ -42,7 +42,7 @@ class Stated:
         return UNITS_M[self.unit or default]
 
     def size(self, number: int) -> tuple[int, int] | None:
-        """Stated columns and rows of the images of a camera; None if the user stated none."""
+        """Return columns and rows of a camera's images as the user gave them; None without them."""
         return self.sizes[min(number, len(self.sizes) - 1)] if self.sizes else None
 
 

@@ -67,7 +67,7 @@ def format_of(path: Path) -> str:
     suffix = path.suffix.lower()
     if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
         return "colmap"
-    head = read(path, _head, "a calibration", "give another file")
+    head = read(path, _decode_head, "a calibration", "give another file")
     if not head.strip():
         raise IcyMoonError(f"{path}: is empty; give a calibration.")
     if suffix in (".npz", ".xml"):
@@ -90,13 +90,13 @@ def format_of(path: Path) -> str:
     )
 
 
-def _head(foreign: ForeignBytes) -> str:
+def _decode_head(foreign: ForeignBytes) -> str:
     return foreign.part(0, min(foreign.size, _HEAD_BYTES)).decode("utf-8", "replace").lstrip("\ufeff")
 
 
 def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str | None = None) -> Reading:  # noqa: B008
-    """The cameras of a calibration, from one file or several of one format, and sentences on assumptions. ``name`` is a
-    format's name; without it the format is detected.
+    """Read the cameras of a calibration, from one file or several of one format, and sentences on assumptions. ``name``
+    is a format's name; without it the format is detected.
 
     Raises IcyMoonError for a file that is damaged, incomplete or in an unsupported format.
     """
@@ -118,7 +118,7 @@ def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str
         raise IcyMoonError(f"{where}: a calibration of {kind.title} states its lens; leave out --lens {stated.lens}.")
     found = kind.read(paths, stated)
     _check_sizes(where, found.rig, stated)
-    return replace(found, notes=(*found.notes, *_doubts(found.rig)))
+    return replace(found, notes=(*found.notes, *_find_doubts(found.rig)))
 
 
 def _check_sizes(where: str, rig: CalibratedRig, stated: Stated) -> None:
@@ -126,8 +126,8 @@ def _check_sizes(where: str, rig: CalibratedRig, stated: Stated) -> None:
     than sizes."""
     if len(stated.sizes) > len(rig.cameras):
         raise IcyMoonError(
-            f"{where}: --size states {_count(len(stated.sizes), 'size')}, and there {_are(len(rig.cameras))}; state "
-            "one for each, or one for all."
+            f"{where}: --size states {_count(len(stated.sizes), 'size')}, and there "
+            f"{_describe_camera_count(len(rig.cameras))}; state one for each, or one for all."
         )
     for number, camera in enumerate(rig.cameras):
         if stated.size(number) not in (None, camera.size_px):
@@ -140,11 +140,11 @@ def _count(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _are(count: int) -> str:
+def _describe_camera_count(count: int) -> str:
     return f"{'is' if count == 1 else 'are'} {_count(count, 'camera')}"
 
 
-def _doubts(rig: CalibratedRig) -> list[str]:
+def _find_doubts(rig: CalibratedRig) -> list[str]:
     """Sentences on likely faults of a calibration."""
     found = []
     for camera in rig.cameras:
@@ -153,7 +153,7 @@ def _doubts(rig: CalibratedRig) -> list[str]:
                 f"The principal point of {camera.name}, ({camera.cx_px:g}, {camera.cy_px:g}) px, is outside its images "
                 f"of {camera.width_px} x {camera.height_px} px."
             )
-        elif doubt := _doubt_size(camera):
+        elif doubt := _find_size_doubt(camera):
             found.append(doubt)
         if dark := camera.dark_share():
             found.append(
@@ -163,7 +163,7 @@ def _doubts(rig: CalibratedRig) -> list[str]:
     return found
 
 
-def _doubt_size(camera: CalibratedCamera) -> str:
+def _find_size_doubt(camera: CalibratedCamera) -> str:
     """A sentence if the principal point fits images of another size; empty if not."""
     at, size = (camera.cx_px, camera.cy_px), (camera.width_px, camera.height_px)
     if _is_near_middle(at, size):
@@ -188,7 +188,9 @@ def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> N
     kind = FORMATS[name]
     for camera in rig.cameras:
         if lacks := kind.why_not(camera):
-            raise IcyMoonError(f"{kind.title} has {lacks} (camera {camera.name or 'without a name'}); {_others(rig)}.")
+            raise IcyMoonError(
+                f"{kind.title} has {lacks} (camera {camera.name or 'without a name'}); {_list_other_formats(rig)}."
+            )
     if len(rig.cameras) > kind.most_written:
         raise IcyMoonError(
             f"{kind.title} holds {kind.most_written} cameras, not {len(rig.cameras)}; choose them by --cameras."
@@ -201,7 +203,7 @@ def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> N
     kind.write(rig, paths)
 
 
-def _others(rig: CalibratedRig) -> str:
+def _list_other_formats(rig: CalibratedRig) -> str:
     """A clause with other formats that can store the rig."""
     able = [
         name

@@ -89,12 +89,12 @@ def make_ros_pair(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
     found = []
     for camera, turn, shift in zip(same, turns, (0.0, along), strict=True):
         projection = np.array([[focal, 0, cx, focal * shift], [0, focal, cy, 0], [0, 0, 1.0, 0]])
-        model, numbers = _stated(camera.lens)
+        model, numbers = _list_lens_parameters(camera.lens)
         found.append(RosCamera(camera.matrix, model, numbers, turn, projection, *camera.size_px))
     return found[0], found[1]
 
 
-def _stated(lens: LensModel) -> tuple[str, tuple[float, ...]]:
+def _list_lens_parameters(lens: LensModel) -> tuple[str, tuple[float, ...]]:
     """The name of a lens model of ROS and its coefficients."""
     if isinstance(lens, Fisheye):
         return "equidistant", lens.coefficients

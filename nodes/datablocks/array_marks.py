@@ -56,7 +56,7 @@ def _draw_weights() -> Array:
 
 
 def mark_array(values: Array, indices: bool = False) -> str:
-    """A mark of an array's bytes. The hash need not withstand attacks, so it may take a third of the time of SHA-256.
+    """Hash an array's bytes. The hash need not withstand attacks, so it may take a third of the time of SHA-256.
 
     It hashes the sums of the array's words with random weights, block by block. In such a sum, changes of the highest
     bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.

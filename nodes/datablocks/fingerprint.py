@@ -31,7 +31,7 @@ _MARKS_VERSION = 2
 
 
 def describe_maker() -> str:
-    """The scheme of the marks and the series of Blender, since each series has other properties."""
+    """Describe the version of the marks and Blender's series, since each series has other properties."""
     return f"{_MARKS_VERSION} {compat.find_series()}"
 
 

@@ -67,7 +67,7 @@ class BlockHasher:
         self._structs: list[tuple[int, type]] = []
 
     def mark(self, block: bpy.types.ID) -> str:
-        """The mark of a data-block and of all data-blocks that it refers to.
+        """Hash the content of a data-block and of all data-blocks that it refers to.
 
         A reference back to a data-block that is still being read counts by its distance, so that circular references
         end.
@@ -136,7 +136,7 @@ class BlockHasher:
         return self.ordered(value) if isinstance(struct, bpy.types.PropertyGroup) else self.value(value)
 
     def value(self, value: object) -> object:
-        """The mark of a value: the target of a pointer, the input of a socket, or the value itself."""
+        """Return what identifies a value: the target of a pointer, the input of a socket, or the value itself."""
         if isinstance(value, bpy.types.ID):
             return self.mark(value)
         if isinstance(value, bpy.types.bpy_struct):

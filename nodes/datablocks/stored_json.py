@@ -22,7 +22,7 @@ def read_stored(owner: bpy.types.ID, key: str, shape: Shape, absent: str = "{}")
 
 
 def parse_stored(text: object, where: str, shape: Shape) -> Any:
-    """The content of a text of this shape; ``where`` names it. Raises IcyMoonError for anything else."""
+    """Parse a JSON text of this shape; ``where`` names it in errors. Raises IcyMoonError for any other text."""
     try:
         if not isinstance(text, str) or len(text) > MOST_TEXT_BYTES:
             raise ValueError("it is not a text, or too long")

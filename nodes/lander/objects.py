@@ -50,7 +50,7 @@ def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -
 
 
 def build_lander(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[bpy.types.Object]:
-    """The objects of the lander, where the settings put them, with its pads on the ground. The caller links them."""
+    """Build the lander's objects at the poses of the settings, with its pads on the ground. The caller links them."""
     pads_m = _find_pads_m(settings, site_m, terrain)
     materials = build_materials(settings.lander.frost_share)
     solids = {**make_solids(settings, pads_m), HEAD: make_head(settings)}
@@ -89,7 +89,7 @@ def find_link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
 
 
 def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_m: float) -> None:
-    """Put the objects, by role, where the settings have them."""
+    """Move the objects, by role, to the poses of the settings."""
     keys = list_link_keys(settings)
     for link, place in find_link_poses(settings, site_m).items():
         if (role := ROLES[keys[link]]) in objects:  # a link of the user's arm may have no geometry

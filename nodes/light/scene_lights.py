@@ -92,7 +92,7 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
     ]
 
 
-def change_lights(
+def update_lights(
     sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky, keeps_disc: bool
 ) -> list[bpy.types.Object]:
     """Change an existing Sun to the settings, and make the other lights again.

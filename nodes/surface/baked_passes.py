@@ -51,7 +51,7 @@ def _add_terms(tree: Tree) -> list[Any]:
 
 
 def _add_sum(tree: Tree, group: str, attribute: str, terms: list[Any]) -> Socket:
-    """The light of a rock: the sum of its baked numbers times the terms, at least 0."""
+    """Add the light of a rock: the sum of its baked coefficients times the terms, at least 0."""
     total = _attribute(tree, group, "INSTANCER", f"{attribute}_0")
     for k, term in enumerate(terms, start=1):
         part = tree.scaled(f"Part {k}", _attribute(tree, group, "INSTANCER", f"{attribute}_{k}"), term)

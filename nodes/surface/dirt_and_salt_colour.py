@@ -37,7 +37,7 @@ def add_salt_share(
     frosted: Socket | None,
     dirt_mask: Value = 1.0,
 ) -> Value:
-    """The share of salt in the visible surface of a place: an output socket, or 0.0 without salts.
+    """Add the local share of salt in the visible surface: an output socket, or 0.0 without salts.
 
     Dirt lies on salt, and frost on both; ``frosted`` is an output socket of the share of frost, or None. For the other
     arguments see ``add_ground_colour``.
@@ -63,7 +63,7 @@ def add_ground_colour(
     ice: Socket | None = None,
     dirt_mask: Value = 1.0,
 ) -> Socket | None:
-    """Output socket of the colour of the ground; None for grey, clean ice.
+    """Add the colour of the ground and return its output socket; None for grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
     ``ELEVATION``. Hapke's law needs the ``settings`` of the whole scene. ``ice`` is an output socket of the reflectance

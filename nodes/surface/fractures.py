@@ -122,7 +122,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
 
 
 def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
-    """The random place of a plane within its spacing, 0 to 1."""
+    """Add the random offset of a plane within its spacing, 0 to 1."""
     chance = tree.node(
         "ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value}, noise_dimensions="1D"
     ).outputs["Value"]

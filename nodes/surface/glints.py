@@ -66,9 +66,9 @@ def add_glints(
 
 
 def _add_level(tree: Tree, geometry: Node, size_m: float, pixel_rad: float, seed: float) -> Number:
-    """The octave of the cells, a whole number. Each octave doubles the width of cells, from the size of a grain on.
+    """Add the octave of the cells, a whole number. Each octave doubles the width of cells, from the size of a grain on.
 
-    Between two octaves each place gets one of them at random, so that no line shows where the octave changes.
+    Between two octaves each point gets one of them at random, so that no line shows where the octave changes.
     """
     away = Number(tree, tree.node("ShaderNodeCameraData", "Camera").outputs["View Distance"])
     pixel = away * (0.5 * _CELL_PX * pixel_rad / size_m)

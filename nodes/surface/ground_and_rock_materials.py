@@ -152,8 +152,8 @@ def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, fl
 
 
 def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
-    """A sentence on an albedo image that makes the ground of this mesh reflect more light than it gets; none if it does
-    not."""
+    """Return sentences on the albedo image: on ground that it lacks, and if it makes this mesh's ground reflect more
+    light than it receives."""
     textured = _load_textures(settings, mesh)
     if textured is None or "albedo" not in textured.maps:
         return []

@@ -35,7 +35,7 @@ _PARAMETER_LINE = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTI
 
 @lru_cache(maxsize=1)
 def compile_source() -> str:
-    """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile.
+    """Compile ``hapke.osl`` to byte code. Raises RuntimeError if it does not compile.
 
     The compiler's comments and file names are removed: file names contain folders of this machine, and comments differ
     at each call.

@@ -67,7 +67,7 @@ def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Node, four
 
 
 def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Number:
-    """The share of bubbles at a place."""
+    """Add the local share of the volume in bubbles."""
     place = geometry.outputs["Position"]
     steepest = tuple(part / surface.bubble_band_m for part in _ACROSS_BANDS)
     across = tree.vector("DOT_PRODUCT", "Across the Bands", place, steepest)

@@ -92,7 +92,7 @@ def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | N
 
 
 def _add_sum(tree: Tree, a: Socket | None, b: Socket | None) -> Socket | None:
-    """Output socket of the sum of two heights. None is 0."""
+    """Add two heights (None is 0) and return the output socket of the sum."""
     if a is None or b is None:
         return b if a is None else a
     return tree.math("ADD", "Fine Height", a, b)
@@ -146,7 +146,7 @@ def _add_principled(
 
 
 @dataclass(frozen=True)
-class _Places:
+class _PatternOffsets:
     """Random offsets of the patterns, drawn from a seed. Patterns in three dimensions have three offsets."""
 
     patches: float
@@ -159,8 +159,8 @@ class _Places:
     fractures: float
 
     @classmethod
-    def draw(cls, seed: int) -> _Places:
-        """The offsets of a seed."""
+    def draw(cls, seed: int) -> _PatternOffsets:
+        """Draw the offsets of a seed."""
         drawn = map(float, make_generator(seed, "surface").uniform(0.0, 1000.0, 11))
         patches, grain_x, salt, east, north, grain_y, grain_z, bands, frost, crust, fractures = drawn
         grain = [along % GRAIN_FARTHEST for along in (grain_x, grain_y, grain_z)]
@@ -168,7 +168,8 @@ class _Places:
 
     @property
     def glints(self) -> float:
-        """A whole number, and farther from others than there are octaves."""
+        """The offset of the glints: a multiple of 64, so that different offsets differ by more than the octaves'
+        number."""
         return math.floor(self.salt) * 64.0
 
 
@@ -184,7 +185,7 @@ class _Ice:
     smooth: bool
     geometry: Node
     pixel_rad: float
-    at: _Places
+    at: _PatternOffsets
     frost_mask: Value = 1.0
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
@@ -317,7 +318,7 @@ class _Material:
         self.tree = Tree(compat.ensure_nodes(self.material))
         self._settings, self._textured = settings, textured
         self._of_rocks, self._of_terrain = semantic == ROCK, semantic == TERRAIN
-        self._at = _Places.draw(seed)
+        self._at = _PatternOffsets.draw(seed)
         self._geometry = self.tree.node("ShaderNodeNewGeometry", "Geometry")
         self._surface = ice_layers.apply_bubble_albedo(surface)
         self._maps = textured.maps if textured is not None else {}

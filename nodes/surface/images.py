@@ -54,7 +54,7 @@ class Map:
 
 
 def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
-    """The maps of ``textures`` settings, by kind; empty without textures.
+    """Load the maps of ``textures`` settings, by kind; empty without textures.
 
     ``files`` contains the images of the user or of the mesh, by kind. Images that are loaded already are used again.
     Raises IcyMoonError if an image cannot be read.
@@ -103,7 +103,7 @@ def load_placed_map(
 
 
 def load_mask_image(path: Path) -> Map:
-    """A painted mask as an image of its exact values. Raises IcyMoonError if it cannot be read."""
+    """Load a painted mask as an image without colour conversion. Raises IcyMoonError if it cannot be read."""
     values = read_mask(path)
     key = f"mask {hashlib.sha256(values.tobytes()).hexdigest()} {values.shape}"
     if (there := _find_map(key)) is not None:

@@ -56,7 +56,7 @@ def add_noise(tree: Tree, label: str, where: Socket, wavelength_m: float, fourth
 def add_patchy_grain(
     tree: Tree, surface: SurfaceSettings, where: Socket, place: Sequence[float], height: Socket
 ) -> Socket:
-    """Output socket of a height of grain that is stronger in some places and weaker in others. The RMS height is kept.
+    """Add grain whose height varies in patches, with unchanged RMS height; return its output socket.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
     a mean square of 1. Its patches are 2 to ``_MOST_PATCH_LENGTH`` wavelengths of the grain wide.
@@ -118,7 +118,7 @@ def add_grain_by_fineness(
 
 
 def _find_partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
-    """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
+    """Find the longest octave, from 0, that the vertices do not carry fully; the last octave if they carry all."""
     whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED_SPACING * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
     carried = Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
     return carried.at_least(0.0).at_most(OCTAVES - 1.0)
@@ -266,7 +266,7 @@ def find_darkest_factor(surface: SurfaceSettings) -> float:
 
 
 def find_threshold(share: float, deviation: float = NOISE_DEVIATION) -> float:
-    """The value that this share of noise of four octaves exceeds, of this standard ``deviation``."""
+    """Find the value that this ``share`` of noise of four octaves and standard ``deviation`` exceeds."""
     return NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
 
 

@@ -76,7 +76,7 @@ class Grains:
 
 
 def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
-    """Whether Hapke's law uses OSL, its level, and a sentence if they differ from the settings.
+    """Choose whether Hapke's law uses OSL, and its level; add a sentence if they differ from the settings.
 
     Raises IcyMoonError if the settings require OSL and it is not available.
     """

@@ -57,7 +57,7 @@ class Sun:
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
-        """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
+        """Make the Sun of a lamp. ``world`` (4, 4) is the lamp's present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
         red, green, blue = (read_lamp_irradiance_wm2(lamp) * band for band in lamp.data.color)
         distance = 0.0 if lamp.data.type == "SUN" else world.translation.length
@@ -65,21 +65,22 @@ class Sun:
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
-        """The planet with the lamp ``shine``, as if all its light came from the middle of its lit part."""
+        """Make the planet's light from its lamp ``shine``, as if it all came from the middle of the planet's lit
+        part."""
         red, green, blue = (shine.data.energy * band for band in shine.data.color)
         x, y, z = shine[MEAN]
         return cls((x, y, z), (red, green, blue), shine.data.angle)
 
     @classmethod
     def of_lamp(cls, lamp: bpy.types.Object) -> Sun:
-        """A lamp as a source at its place, as if all its light came from the lamp's middle."""
+        """Make a point source at a lamp's middle, as if all light came from there."""
         place = find_lamp_matrix(lamp).translation
         x, y, z = place.normalized() if place.length > 0 else Vector((0.0, 0.0, 1.0))
         return cls((x, y, z), (1.0, 1.0, 1.0), 0.0, max(place.length, _LEAST_DISTANCE_M))
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """The place of a near source in metres, the direction of a far one."""
+        """The position of a near source in metres, or the direction of a distant source."""
         x, y, z = (axis * (self.distance_m or 1.0) for axis in self.direction)
         return x, y, z
 
@@ -174,8 +175,7 @@ _VARYING_INPUTS = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
 
 
 def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
-    """The way in which these materials implement Hapke's law, and its accuracy, for ``pair.json``; None without the
-    law.
+    """Describe, for ``pair.json``, how these materials implement Hapke's law and how accurately; None without the law.
 
     ``neighbours_as_here`` lists the inputs that vary over the surface, but for which interreflections use the value at
     the visible point at both ends.

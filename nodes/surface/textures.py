@@ -291,7 +291,7 @@ class PaintedSampler:
 
 
 class OnMap(OverPatch):
-    """One piece: an image that lies on the map of the ground, with its own width and height."""
+    """One image that lies on the map of the ground, with a separate width and height."""
 
     def __init__(
         self, tree: Tree, textures: TexturesSettings, geometry: Node, placed: tuple[float, float, float, float]

@@ -161,7 +161,7 @@ class Vector:
         return Number(self.tree, self._node("DOT_PRODUCT", other))
 
     def distance(self, other: Vector) -> Number:
-        """The length of the difference from another vector."""
+        """Return the distance to another vector."""
         return Number(self.tree, self._node("DISTANCE", other))
 
     def length(self) -> Number:

@@ -95,7 +95,7 @@ class _ColladaDocument:
         return np.concatenate([each for each, _ in shown]) * metres, np.concatenate([each for _, each in shown])
 
     def _find(self, tag: str, url: str | None) -> ElementTree.Element:
-        """The element with this tag to which a reference such as ``#name`` points."""
+        """Find the element with this tag to which a reference such as ``#name`` points."""
         kind, _, name = (url or "").rpartition("#")
         if kind:
             raise RefusedError(f"refers to {shorten(url or '')!r}, which is in another file; export all into one file.")
@@ -107,7 +107,7 @@ class _ColladaDocument:
     # The scene
 
     def _find_scene(self) -> ElementTree.Element:
-        """The visual scene that the file names as shown; else its only one."""
+        """Find the visual scene that the file's ``scene`` names, else its only visual scene."""
         named = self.root.find("scene/instance_visual_scene")
         if named is not None:
             return self._find("visual_scene", named.get("url"))
@@ -117,7 +117,7 @@ class _ColladaDocument:
         return scenes[0]
 
     def _find_shown_geometries(self) -> Iterator[tuple[ElementTree.Element, Array]]:
-        """Each geometry of the shown scene, with its pose (4, 4)."""
+        """Yield each geometry of the visible scene, with its pose (4, 4)."""
         left = [(node, np.eye(4)) for node in reversed(self._find_scene().findall("node"))]
         steps = 0
         while left:
@@ -279,7 +279,7 @@ class _ColladaDocument:
         return np.array([(end - start) // width for start, end in pairwise(ends)], int), np.array(numbers, np.int64)
 
     def _parse_numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
-        """The ``count`` numbers of a text. Raises ValueError for any other number of them; ``where`` names the place in
+        """Parse the ``count`` numbers of a text. Raises ValueError for another count; ``where`` names the element in
         errors.
         """
         self.budget.charge(8 * count, "numbers")
@@ -329,7 +329,7 @@ def _parse_number(text: str, where: str) -> float:
 
 
 def _read_count(item: ElementTree.Element, key: str, default: int | None = None) -> int:
-    """A count that an element states. Raises ValueError if it is not a whole number."""
+    """Read a count from an element's attribute. Raises ValueError if it is not a whole number."""
     text = item.get(key, "" if default is None else str(default)).strip()
     if not (text.isascii() and text.isdecimal() and len(text) < 10):
         raise ValueError(f"the {key} of <{item.tag}> is {shorten(text)!r}")

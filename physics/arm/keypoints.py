@@ -20,7 +20,7 @@ def describe_keypoints(
     matrix: Array,
     depths: Mapping[str, Array],
 ) -> list[dict[str, Any]]:
-    """The keypoints as ``pair.json`` has them.
+    """Describe the keypoints for ``pair.json``.
 
     ``links`` are the poses (4, 4) of the links in the world, ``eyes`` the camera-to-world matrices in OpenCV axes,
     ``matrix`` (3, 3) the matrix K of both cameras with pixel centres at halves, ``depths`` the true depths (H, W) in

@@ -18,7 +18,7 @@ class Joint:
     """A joint and the link that it moves.
 
     ``parent`` is the index of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at angle
-    0 in the frame of the link before it, ``axis`` (3,) the unit vector in the link's own frame about which it turns, or
+    0 in the frame of the link before it, ``axis`` (3,) the unit vector in the link's frame about which it rotates, or
     along which it slides. Limits are radians or metres.
     """
 
@@ -105,8 +105,8 @@ def _zero_poses(arm: Arm) -> list[Array]:
 
 
 def _joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
-    """The motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose at zero angles; ``angle`` is
-    in radians, or metres for a joint that slides.
+    """Compute the motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose at zero angles;
+    ``angle`` is in radians, or metres for a joint that slides.
     """
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:

@@ -59,7 +59,7 @@ def make_still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) 
 
 
 def make_arm_solids(arm: ArmSettings) -> dict[str, Solid]:
-    """The solid of each link of the parametric arm by name, in its own frame."""
+    """Make the solid of each link of the parametric arm by name, in the link's frame, m."""
     return {
         "turret": _make_turret(arm),
         "upper_arm": _make_segment(arm.upper_m, 0.042, 0.075, 1),
@@ -147,7 +147,7 @@ def _make_turret(arm: ArmSettings) -> Solid:
 
 
 def _make_segment(length: float, radius: float, joint: float, side: int) -> Solid:
-    """Upper arm or forearm: a joint, a painted tube between metal fittings, a cable with clamps, and a fork."""
+    """Make an upper arm or forearm: a joint, a painted tube between metal fittings, a cable with clamps, and a fork."""
     width, inner = 1.45 * joint, joint * 1.05
     end = length - inner
     parts = [
@@ -231,7 +231,7 @@ def _make_scoop(arm: ArmSettings) -> Solid:
 
 
 def _make_wall(start: tuple[float, float], end: tuple[float, float], width: float, thick: float) -> Solid:
-    """A plate across y between two points (x, z); its thickness lies inward of the line between them."""
+    """Make a plate across y between two points (x, z); its thickness lies inward of the line between them."""
     along = math.hypot(end[0] - start[0], end[1] - start[1])
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     c, s = math.cos(angle), math.sin(angle)
@@ -246,7 +246,7 @@ def _find_deck_extent(lander: LanderSettings) -> tuple[float, float, float, floa
 
 
 def _make_body(settings: Settings) -> Solid:
-    """The deck, the body under it in foil, and the equipment on it."""
+    """Make the deck, the body under it in foil, and the equipment on it."""
     front, half, top, floor = _find_deck_extent(settings.lander)
     corner = 0.3 * half
     outline = [

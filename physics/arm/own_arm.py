@@ -60,7 +60,7 @@ class UrdfArm:
         return np.asarray(self.factors * padded[self.moving] + self.offsets)
 
     def slides(self, name: str) -> bool:
-        """Whether the joint of this name slides, so that its value is in metres."""
+        """Return whether the joint of this name slides, so that its value is in metres, not radians."""
         return next(joint.slides for joint in self.joints if joint.name == name)
 
 
@@ -229,7 +229,8 @@ def _make_shape_solid(shape: Shape, meshes: Meshes) -> Solid:
 
 
 def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
-    """A capsule around each link: along its longest direction, and as wide as the vertex farthest from that line."""
+    """Fit a capsule around each link: along its longest direction, and as wide as the vertex farthest from that
+    line."""
     found = []
     for k, joint in enumerate(joints):
         if joint.link not in solids:

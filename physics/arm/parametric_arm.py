@@ -47,7 +47,7 @@ def find_lengths_m(arm: ArmSettings) -> tuple[float, float, float, float]:
 
 
 def make_parametric_arm(settings: Settings, site_m: float = 0.0) -> Arm:
-    """The parametric arm of complete settings; ``site_m`` is the height in metres of the ground under the left camera.
+    """Make the parametric arm of complete settings; ``site_m`` is the height, m, of the ground under the left camera.
 
     The roll's axis is the hand's, and the tip lies on it, so a roll does not move the tip.
     """
@@ -149,7 +149,7 @@ def choose_inverse_solution(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch:
 
 
 def find_joint_margin(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
-    """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach. It is the
-    larger one of two solutions, and negative if a joint would exceed its limit.
+    """Find the smallest distance, rad, of a joint to its limits with the tip at world points; NaN out of reach. It is
+    the larger one of two solutions, and negative if a joint would exceed its limit.
     """
     return np.asarray(solve_inverse_kinematics(arm, x, y, z, pitch)[1].max(axis=0))

@@ -125,8 +125,8 @@ def make_box(
 
 
 def _make_flat_faced(material: str, faces: Sequence[Array]) -> Solid:
-    """A convex solid around the origin with flat faces of corners (k, 3). Each face has its own vertices and is turned
-    outward.
+    """Make a convex solid around the origin with flat faces of corners (k, 3). Each face has separate vertices and
+    faces outward.
     """
     vertices, triangles, start = [], [], 0
     for face in faces:

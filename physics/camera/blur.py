@@ -70,7 +70,7 @@ class Blur:
 
     @property
     def warning(self) -> str:
-        """A sentence that states which camera the truth belongs to."""
+        """A sentence on the camera that the truth belongs to."""
         whose = "each row's" if self.readout_s else "the"
         return TRUTH_IS_SHARP.format("" if self.exposure_s is None else f" in the middle of {whose} exposure")
 

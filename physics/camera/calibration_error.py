@@ -37,8 +37,8 @@ def make_assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) 
 def make_assumed_eye(
     camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
 ) -> CalibratedCamera:
-    """The assumed ``eye``, turned from the axes of the rectified rig; its position stays 0. The errors of yaw, pitch
-    and roll form one rotation vector in the eye's axes.
+    """Make the assumed ``eye``, rotated from the axes of the rectified rig; its position stays 0. The errors of yaw,
+    pitch and roll form one rotation vector in the eye's axes.
     """
     right = float(eye == "right")
     stretch = _factor(errors.focal_percent) * _factor(right * errors.right_focal_percent)
@@ -58,7 +58,7 @@ def make_assumed_eye(
 
 
 def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
-    """The true ``eye``, turned from the axes of the rectified rig; its position stays 0."""
+    """Make the true ``eye``, rotated from the axes of the rectified rig; its position stays 0."""
     if camera.eyes is not None:
         calibrated = camera.eyes[eye == "right"]
         return calibrated.placed(calibrated.rotation, np.zeros(3))
@@ -78,8 +78,8 @@ def _add_radial_error(lens: LensModel, error: float) -> LensModel:
 
 
 def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> bool:
-    """Whether the errors change the rectified image of an eye. An equal error of both focal lengths changes it only if
-    a lens distorts or an eye is turned.
+    """Return whether the errors change the rectified image of an eye. An equal error of both focal lengths changes it
+    only if a lens distorts or an eye is rotated.
     """
     wrong = list_stated_errors(errors)
     if eye == "right" and any(key.startswith("right_") for key in wrong):

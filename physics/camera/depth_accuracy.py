@@ -32,9 +32,9 @@ def coordinate_rounding_m(*coordinates_m: float) -> float:
 
 
 def ground_rounding_px(rig: RigSettings, ground_m: float) -> float:
-    """Largest shift in pixels, by rounded coordinates, of the ground under the camera or of one eye to the other. It is
-    half a step of the largest coordinate of the left camera, seen from the camera's height; ``ground_m`` is the height
-    of the ground.
+    """Return the largest shift, px, by rounded coordinates, of the ground under the camera or of one eye to the other:
+    it is half a step of the largest coordinate of the left camera, seen from the camera's height; ``ground_m`` is the
+    height of the ground.
     """
     height = float(rig.height_m)
     return focal_px(rig) * coordinate_rounding_m(rig.x_m, rig.y_m, ground_m + height) / 2 / height

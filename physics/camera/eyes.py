@@ -51,7 +51,7 @@ _GRID_PX = 65, 49
 
 
 def is_calibrated(rig: RigSettings) -> bool:
-    """Whether each eye has its own calibration."""
+    """Return whether each eye has a separate calibration."""
     return bool(rig.eyes == "CALIBRATED")
 
 
@@ -61,8 +61,8 @@ def make_camera_with_eyes(settings: Settings) -> StereoCamera:
 
 
 def add_calibrated_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
-    """A rig with the calibrated eyes of settings, if they have them, and the panorama that these eyes need. Raises
-    ValueError for impossible lens parameters."""
+    """Add the calibrated eyes of the settings, if any, to a rig, and the panorama that they need. Raises ValueError for
+    impossible lens parameters."""
     found = replace(camera, eyes=make_calibrated_eyes(settings))
     return replace(found, panorama=_find_panorama(found)) if found.eyes else found
 
@@ -127,7 +127,7 @@ def _make_lens(lens: str, numbers: tuple[float, ...]) -> LensModel:
 
 
 def make_eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
-    """The table of an eye that is turned by ``rotation`` (3, 3) from the axes of the parallel rig into its own."""
+    """Make the settings table of an eye with the ``rotation`` (3, 3) from the axes of the parallel rig to its axes."""
     lens = camera.lens
     table: dict[str, Any] = dict(zip(_PINHOLE_KEYS, (
         camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, camera.skew_px),
@@ -218,8 +218,8 @@ def project_to_light(rays: Array, camera: StereoCamera) -> Array:
 
 @lru_cache(maxsize=16)
 def _find_panorama(camera: StereoCamera) -> Panorama | None:
-    """The panorama of calibrated eyes that need one; None if the stated overscan, or a pinhole of acceptable size,
-    covers their field of view."""
+    """Find the panorama that calibrated eyes need; None if the overscan of the settings, or a pinhole of acceptable
+    size, covers their field of view."""
     set_px = np.array([camera.margin_x_px, camera.margin_y_px])
     shown = max(MOST_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
     if find_overscan_of_eyes(camera) <= shown:
@@ -311,7 +311,7 @@ def advise_on_calibrated_eyes(settings: Settings) -> Iterator[str]:
         yield f"eyes: {describe_panorama(camera.panorama)}"
     for name, share in zip(("left", "right"), measure_dark_shares(camera), strict=True):
         if share > 0:
-            yield f"eyes: {share:.1%} of the pixels of the {name} eye stay dark. {_how_to_light(camera)}"
+            yield f"eyes: {share:.1%} of the pixels of the {name} eye stay dark. {_advise_on_unlit(camera)}"
 
 
 def describe_panorama(panorama: Panorama) -> str:
@@ -323,7 +323,7 @@ def describe_panorama(panorama: Panorama) -> str:
     )
 
 
-def _how_to_light(camera: StereoCamera) -> str:
+def _advise_on_unlit(camera: StereoCamera) -> str:
     if camera.panorama:
         return "Their lenses show nothing there."
     needed = find_overscan_of_eyes(camera)

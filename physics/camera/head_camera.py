@@ -126,12 +126,12 @@ def show_points(projection: Projection, points_m: Array) -> Array:
 
 
 def make_pinhole(width_px: int, height_px: int, field_deg: float) -> CalibratedCamera:
-    """A pinhole with square pixels that sees ``field_deg`` across its width, its axis in the middle."""
+    """Make a pinhole with square pixels that sees ``field_deg`` across its width, its axis in the middle."""
     return _centred(width_px, height_px, width_px / 2 / math.tan(math.radians(field_deg) / 2), Brown())
 
 
 def make_fisheye(width_px: int, height_px: int, field_deg: float) -> CalibratedCamera:
-    """An equidistant fisheye that sees ``field_deg`` across its width: a pixel's distance from the middle is
+    """Make an equidistant fisheye that sees ``field_deg`` across its width: a pixel's distance from the middle is
     proportional to its angle from the axis."""
     return _centred(width_px, height_px, width_px / math.radians(field_deg), Fisheye())
 

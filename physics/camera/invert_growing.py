@@ -33,5 +33,5 @@ def find_positive_roots(polynomial: Sequence[float] | Array) -> Array:
 
 
 def find_smallest_positive_root(polynomial: Sequence[float] | Array) -> float:
-    """The smallest positive root of a polynomial, whose highest power comes first; infinite without one."""
+    """Find the smallest positive root of a polynomial, whose highest power comes first; infinite without a root."""
     return float(min(find_positive_roots(polynomial), default=math.inf))

@@ -44,7 +44,7 @@ def distort_points(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
-    """The radial factor at squared radii ``r2``, and twice its derivative by them."""
+    """Return the radial factor at squared radii ``r2``, and twice its derivative by ``r2``."""
     k1, k2, _, _, k3 = k[:5]
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))

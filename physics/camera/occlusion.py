@@ -44,7 +44,7 @@ def is_in_frame(column: Array) -> Array:
 
 
 def find_hidden(disparity: Array, other: Array, eye: str) -> Array:
-    """Boolean (H, W): the point that a pixel of ``eye`` sees is in the other eye's frame and hidden there.
+    """Find the pixels (H, W), bool, of ``eye`` whose point is inside the other eye's image but hidden there.
 
     ``disparity`` (H, W), px, belongs to the pixel centres of ``eye``. ``other`` (H, n W), px, is the disparity on n
     rays per pixel of the other eye: through the pixel's centre, and at equal steps toward the next one. Both are NaN

@@ -65,8 +65,8 @@ def find_flow(
 
 
 def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
-    """Whether the other image, with true depths ``other_depth_m`` (H, W), shows points that are at the positions
-    ``there`` (H, W, 2) in it and ``depth_m`` from it.
+    """Return whether the other image, with true depths ``other_depth_m`` (H, W), shows points whose positions in it are
+    ``there`` (H, W, 2) and whose depth in it is ``depth_m``.
     """
     height, width = other_depth_m.shape
     with np.errstate(invalid="ignore"):

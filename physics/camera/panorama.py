@@ -39,7 +39,7 @@ class Panorama:
         return self._camera.show(directions)
 
     def to_json(self) -> dict[str, Any]:
-        """The panorama as ``pair.json`` states it."""
+        """Return the panorama's entry of ``pair.json``."""
         return {
             "projection": "equidistant fisheye",
             "size_px": self.size_px,

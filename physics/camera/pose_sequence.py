@@ -78,8 +78,8 @@ class PoseSequence:
         )
 
     def gaps(self, longest_s: float | None = None) -> Array:
-        """Whether the motion from a pose to the next is unknown (n - 1,), because more than ``longest_s`` lie between
-        them. By default this limit is five median steps.
+        """Return whether the motion from each pose to the next (n - 1,) is unknown because they are more than
+        ``longest_s`` apart. By default this limit is five median steps.
         """
         steps = np.diff(self.seconds)
         if longest_s is None:

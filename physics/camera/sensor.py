@@ -76,7 +76,8 @@ def meter_level(left_light: Array, sensor: SensorSettings) -> float:
 
 
 def expose_level_s(level: float, rate: float, sensor: SensorSettings) -> float:
-    """Exposure time in seconds for a radiance ``level`` that auto exposure has metered; see ``choose_exposure_s``."""
+    """Choose the exposure time, s, for a radiance ``level`` that auto exposure has metered; see
+    ``choose_exposure_s``."""
     fixed = float(sensor.exposure_s)
     if not sensor.auto_exposure or level * rate <= 0:
         return fixed
@@ -141,7 +142,7 @@ def collect_electrons(
     pattern: FixedPattern | None = None,
     hits_e: Numbers = 0.0,
 ) -> Array:
-    """Electrons, float64 in the shape of ``light``, that are read from each pixel.
+    """Collect the electrons, float64 in the shape of ``light``, that are read from each pixel.
 
     ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and negative
     radiance (defects of a render) count as dark. Shot noise arises before the well is full and read noise after it, so
@@ -196,8 +197,8 @@ def convert_to_digital(charge: Array, sensor: SensorSettings) -> Array:
 
 
 def make_noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random.Generator:
-    """The random stream of one eye of one pair (and of one exposure, ``index``). It depends only on the data set's
-    seed, pair, eye and index, and is independent of other streams.
+    """Make the random generator of one eye of one pair (and of one exposure, ``index``). It depends only on the data
+    set's seed, pair, eye and index, and is independent of other streams.
     """
     digest = int.from_bytes(hashlib.sha256(pair_id.encode()).digest()[:8], "big")
     return make_generator(seed, "sensor", digest, find_stream(eye), *index)

@@ -100,7 +100,7 @@ class StereoCamera:
         return (self.width_px, self.height_px) if own is None else own.size_px
 
     def own_eye(self, eye: str) -> CalibratedCamera | None:
-        """The calibrated camera of an eye, if it has one."""
+        """Return the calibrated camera of an eye; None for an eye of the parallel rig."""
         return None if self.eyes is None else self.eyes[eye != "left"]
 
     @property

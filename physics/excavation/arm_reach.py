@@ -67,7 +67,7 @@ def advise_on_reach(settings: Settings) -> list[str]:
 
 
 def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """A clause on how to bring the trench into reach, with a move in metres if one was found."""
+    """Describe, as a clause, how to bring the trench into reach, with a move in metres if one suffices."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"

@@ -9,7 +9,7 @@ from .dig_site import is_dug
 
 
 def jitter_rig(settings: Settings) -> RigSettings:
-    """The rig of complete ``settings`` with the random offsets of its excavation state.
+    """Add the random offsets of the excavation state to the rig of complete ``settings``.
 
     Position on three axes, heading and pitch are normally distributed, with the standard deviations ``jitter_m`` and
     ``jitter_deg``. The offsets depend only on the seed of the data set and the state.

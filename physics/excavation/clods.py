@@ -105,7 +105,7 @@ def _draw_friction(width: Array, random: np.random.Generator) -> Array:
 
 
 def _slide_clods(top: Array, place: Array, friction: Array) -> Array:
-    """Rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells. A clod
+    """Find the rows and columns (n, 2) at which clods from ``place`` come to rest. ``top`` is heights in cells. A clod
     is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid."""
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0

@@ -77,7 +77,7 @@ class ExcavationSeries:
         return float(self.excavation.density_kg_m3 / self.excavation.bulking)
 
     def at(self, state: int) -> DugState:
-        """The ground in a state; earlier states are dug first."""
+        """Return the ground in a state; earlier states are dug first."""
         while len(self.states) <= state:
             self.states.append(self._dig_next(len(self.states)))
         return self.states[state]
@@ -171,7 +171,7 @@ class ExcavationSeries:
 
     def _cut_depth_m(self, layers: GroundLayers, number: int) -> Array:
         """Depth (rows, columns) in metres that the blade removes in a state. While walls stand, a partly cut cell keeps
-        its uncut part, and later bites at the same place leave that part. Once walls have slid, parts of cells are
+        its uncut part, and later bites at the same cell leave that part. Once walls have slid, parts of cells are
         unknown."""
         pulls, top = self.site.pulls[:number], layers.top
         if not self.states[-1].stood:

@@ -39,7 +39,7 @@ def is_dug(settings: Settings) -> bool:
 
 
 def gravity_m_s2(settings: Settings) -> float:
-    """Gravity of the settings, or of their moon. Raises IcyMoonError if it is not known."""
+    """Return gravity in m/s² from the settings, or of their moon. Raises IcyMoonError if it is unknown."""
     stated = float(settings.excavation.gravity_m_s2)
     if stated > 0:
         return stated
@@ -196,7 +196,8 @@ def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
 def _place_heap(
     excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
 ) -> tuple[SpoilHeap, float]:
-    """The heap, whose foot in the last state is at the set gap from the trench, and its reach in metres."""
+    """Place the heap so that its foot in the last state has the gap of the settings to the trench; add its reach in
+    m."""
     first = pulls[0]
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
     start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)

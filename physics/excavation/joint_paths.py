@@ -57,7 +57,7 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
 
 
 def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[list[Pull]], float]:
-    """The pulls that come near the untouched ground, and the greatest depth in metres of the blade below it. On its way
+    """Keep the pulls that come near the untouched ground; add the blade's greatest depth below it in metres. On its way
     to the trench the scoop digs nothing, and the fine mesh need not be there. If no pull comes near, all are kept."""
     ground, rig = make_rocky_ground(settings), settings.rig
     level = float(ground.heights(np.array([rig.x_m]), np.array([rig.y_m]))[0])

@@ -24,7 +24,7 @@ SUBSAMPLES = 4
 class Pull:
     """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
     ``along_m`` (n,), increasing, are distances along the pull. ``depth_m`` (n,) are depths of the edge there, below the
-    plane of the untouched ground. With ``from_deg`` the blade first turns about its middle from that heading."""
+    plane of the untouched ground. With ``from_deg`` the blade first rotates about its middle from that heading."""
 
     x_m: float
     y_m: float
@@ -41,7 +41,7 @@ class Pull:
         return x * east + y * north, x * north - y * east
 
     def point(self, along_m: float, right_m: float) -> tuple[float, float]:
-        """East and north coordinates in metres of a place on the pull, the inverse of ``place``."""
+        """East and north coordinates in metres of a point on the pull, the inverse of ``place``."""
         east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
         return self.x_m + along_m * east + right_m * north, self.y_m + along_m * north - right_m * east
 

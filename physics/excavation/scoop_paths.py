@@ -93,7 +93,7 @@ def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
 
 
 def _turn_blade(pull: Pull, before: Pull) -> Pull:
-    """The pull, with a turn of the blade from the heading ``before`` it. A turn sharper than a right angle is left out,
+    """Add to a pull the blade's rotation from the heading ``before`` it. A rotation above a right angle is left out,
     because the blade is then rather lifted and set down again."""
     turn = math.radians(pull.heading_deg - before.heading_deg)
     return replace(pull, from_deg=before.heading_deg) if math.cos(turn) > 1e-9 else pull

@@ -72,7 +72,7 @@ def relax_slopes(
 
     With ``stood_m``, the heights of the ground before it was dug, ground slides too, in the cells ``slides`` (rows,
     columns), everywhere by default. Sliding ground becomes spoil and then takes ``bulking`` times the volume. Two
-    places of the ground may differ in height by as much as before the digging.
+    points of the ground may differ in height by as much as before the digging.
     """
     if stood_m is None:
         return _settle_slopes(layers.top, layers.spoil, cell_m, repose_deg, None)

@@ -67,7 +67,7 @@ class AlbedoMap:
 
 
 def tabulate_backscatter(law: Law) -> Backscatter:
-    """The table of a law of reflectance, see ``photometry``."""
+    """Tabulate the backscatter of a reflectance law, see ``photometry``."""
     angle = np.arccos(np.linspace(0, 1, _STEPS + 1))
     return Backscatter(np.asarray(law(angle, angle, np.zeros(len(angle)))))
 
@@ -83,7 +83,7 @@ def find_clean_albedos(settings: Settings) -> dict[int, float]:
 
 
 def has_patches(settings: Settings) -> bool:
-    """Whether the albedo of ground or rocks differs from place to place, or from their setting."""
+    """Return whether the albedo of ground or rocks varies over the surface, or differs from their setting."""
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     return settings.textures.set != "NONE" or any(
         surface.ice_colour != "GREY"
@@ -95,9 +95,9 @@ def has_patches(settings: Settings) -> bool:
 
 
 def tabulate_scene(settings: Settings) -> dict[int, Backscatter]:
-    """The tables of a scene by semantic label. Principled snow has no closed form and counts as a Lambert surface of
-    its albedo; so do the lander and other objects, with an assumed albedo. An ``AlbedoMap`` states differences of
-    albedo from place to place."""
+    """Tabulate a scene's backscatter by semantic label. Principled snow has no closed form and counts as a Lambert
+    surface of its albedo; so do the lander and other objects, with an assumed albedo. An ``AlbedoMap`` contains
+    variations of albedo over the ground."""
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     laws = {
         TERRAIN: make_law(settings.surface, settings.hapke) or lunar_lambert(settings.surface.albedo, 0.0),

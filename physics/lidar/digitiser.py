@@ -108,7 +108,7 @@ def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: 
 
 
 @dataclass(frozen=True)
-class _Run:
+class _PacketStarts:
     """Packets (p,) of some beams: number of the beam, first sample in intervals after the pulse, and place among the
     packets of the beam."""
 
@@ -116,8 +116,8 @@ class _Run:
     start: Array
     slot: Array
 
-    def take(self, chosen: slice) -> _Run:
-        return _Run(self.beam[chosen], self.start[chosen], self.slot[chosen])
+    def take(self, chosen: slice) -> _PacketStarts:
+        return _PacketStarts(self.beam[chosen], self.start[chosen], self.slot[chosen])
 
 
 class Recorder:
@@ -136,8 +136,9 @@ class Recorder:
         self._count = 0
 
     def record(self, found: Returns, chosen: Array, alarm_beam: Array, alarm_m: Array, first: int, end: int) -> Packets:
-        """The packets of the beams from number ``first`` to before ``end``. ``found`` are all their returns, of which
-        the instrument reports those with indices ``chosen`` (k,). False alarms (a,) are in the order of their beams."""
+        """Make the packets of the beams from number ``first`` to before ``end``. ``found`` are all their returns, of
+        which the instrument reports those with indices ``chosen`` (k,). False alarms (a,) are in the order of their
+        beams."""
         own, pulse_m = self.digitiser, self._opaque.deviation_m
         beam = np.concatenate([found.beam[chosen], alarm_beam])
         range_m = np.concatenate([found.range_m[chosen], alarm_m])
@@ -163,7 +164,7 @@ class Recorder:
         return self._tables.get(label, self._opaque)
 
     def _make_electrons(
-        self, returns: _Light, run: _Run, alarm_beam: Array, alarm_m: Array, low: int, high: int
+        self, returns: _Light, run: _PacketStarts, alarm_beam: Array, alarm_m: Array, low: int, high: int
     ) -> Array:
         """Noisy light (p, s) of packets of the beams from ``low`` to before ``high``. Its unit is the electrons of a
         pulse whose peak is that high."""
@@ -183,8 +184,8 @@ class Recorder:
         return np.asarray(light + deviation * noise)
 
     def _correct(self, noise: Array, places: Array, wanted: Array) -> Array:
-        """The correction (p, s) that gives noise of variance 1 its ``wanted`` values (p, e) at the samples ``places``
-        (p, e), -1 for none, and keeps its spectrum: the expected noise, given those values."""
+        """Compute the correction (p, s) that gives noise of variance 1 the ``wanted`` values (p, e) at samples
+        ``places`` (p, e), -1 for none, and keeps its spectrum: the expected noise, given those values."""
         known = places >= 0
         at = np.where(known, places, 0)
         lacks = np.where(known, wanted - np.take_along_axis(noise, at, axis=1), 0.0)
@@ -221,7 +222,7 @@ class _Light:
             own = np.flatnonzero(found.label == label)
             self._peak_m[own] = found.range_m[own] + recorder.power(label).find(found.range_m[own]).peak_m
 
-    def add_up(self, run: _Run) -> tuple[Array, Array, Array]:
+    def add_up(self, run: _PacketStarts) -> tuple[Array, Array, Array]:
         """Light (p, s), as electrons of a pulse whose peak is that high; the samples (p, r) at the peaks of r returns,
         -1 outside the packet; and the normal variates (p, r) of the noise at these peaks."""
         spacing_m = self._recorder.digitiser.spacing_m
@@ -252,7 +253,7 @@ class _Light:
         return made
 
 
-def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) -> tuple[Array, _Run]:
+def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) -> tuple[Array, _PacketStarts]:
     """The number (e,) of the packet of each event, and the packets, sorted by beam and time. A packet must contain
     ``reach_m`` (e,) before and after an event."""
     first = np.floor((range_m - reach_m) / digitiser.spacing_m).astype(np.int64)
@@ -271,10 +272,10 @@ def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) ->
     number[heads] = np.arange(len(heads))
     owner = beam[heads]
     slot = np.arange(len(heads)) - np.searchsorted(owner, owner)
-    return number[opener], _Run(owner, first[heads], slot)
+    return number[opener], _PacketStarts(owner, first[heads], slot)
 
 
-def _find_alarms(run: _Run, beam: Array, range_m: Array, digitiser: Digitiser) -> Array:
+def _find_alarms(run: _PacketStarts, beam: Array, range_m: Array, digitiser: Digitiser) -> Array:
     """The sample (p,) of the false alarm in each packet, -1 without one; beams (a,) have one at most."""
     if not len(beam):
         return np.full(len(run.beam), -1)

@@ -152,7 +152,7 @@ class SensorPose:
 
 
 def make_pose(position_m: Sequence[float], wxyz: Sequence[float]) -> SensorPose:
-    """The pose with a quaternion w, x, y, z of any length but 0, which turns the sensor's axes to the world's. Raises
+    """Make the pose with a quaternion w, x, y, z of any length but 0, from the sensor's axes to the world's. Raises
     IcyMoonError as ``SensorPose``."""
     try:
         rotation = from_quaternion(np.asarray(wxyz, np.float64)) if len(wxyz) == 4 else np.zeros(0)

@@ -81,7 +81,7 @@ class Medium:
 
     @property
     def diffusivity_m(self) -> float:
-        """D = l*/3: variance of an axis over twice the path."""
+        """Diffusivity D = l*/3 in metres: the variance along an axis over twice the path."""
         return self.transport_m / 3.0
 
 

@@ -252,7 +252,7 @@ class Measurement:
         return measured, *self._raise_alarms(found, measured, rate * effects.false_alarms, first, end)
 
     def _delay_edges(self, found: Returns, amplitude: Array) -> Array:
-        """Delay (k,) of the rising edge; without walk, at half of the peak."""
+        """Compute the delay (k,), m, of the rising edge; without walk, at half of the peak."""
         if not self.sensing.effects.walk:
             return self._delays(found)[0]
         delay = np.zeros(len(found))
@@ -264,8 +264,9 @@ class Measurement:
     def _raise_alarms(
         self, found: Returns, measured: Measured, rate_hz: float, first: int, end: int
     ) -> tuple[Array, Array]:
-        """Beams and ranges of reported false alarms: the first in the gate, or the last if the instrument reports the
-        last return. An instrument that reports one return a beam reports an alarm only in its place."""
+        """Return the beams and ranges, m, of reported false alarms: the first in the gate, or the last if the
+        instrument reports the last return. An instrument with one return per beam reports an alarm only instead of a
+        return."""
         near, far = self.instrument.nearest_m, self.instrument.farthest_m
         wait_m = draw_beam_waits(first, end, self.sensing.seed, self.sensing.scan)
         wait_m = wait_m / max(rate_hz * _S_PER_M, 1e-300)

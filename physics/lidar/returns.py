@@ -174,7 +174,7 @@ def select_returns(returns: Returns, reported: Reported) -> Returns:
 
 
 def select_by(beam: Array, *keys: Array) -> Array:
-    """Index of the return with the lowest key in each beam (k,); later keys count first."""
+    """Select the index of the return with the lowest key in each beam (k,); later keys count first."""
     sorting = np.lexsort((*keys, beam))
     return sorting[np.flatnonzero(np.diff(beam[sorting], prepend=-1))]
 

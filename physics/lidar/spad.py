@@ -61,7 +61,8 @@ def count_photons(photons: Array, shots: int, seed: int, scan: int = 0, dead_bin
 
 
 def draw_first_counts(photons: Array, seed: int, scan: int = 0) -> Array:
-    """The bin (beams,) of the first count of one shot a beam with expected photons (beams, bins); -1 without one."""
+    """Draw the bin (beams,) of the first count for one shot per beam with expected photons (beams, bins); -1 without a
+    count."""
     rate = np.atleast_2d(_check(photons))
     drawn = make_generator(seed, "lidar", scan, ARRIVALS).standard_exponential(len(rate))
     reached = np.cumsum(rate, axis=1) >= drawn[:, None]

@@ -10,7 +10,7 @@ from .patterns import count_gray_bits
 
 
 def decode_columns(images: Array, projector: Projector, period_px: float, least: float) -> Array:
-    """The column (H, W) of the projector at each pixel, by images (count, H, W) in the order of
+    """Decode the projector column (H, W), px, at each pixel, from images (count, H, W) in the order of
     ``make_gray_and_phase``. NaN where white is less than ``least`` above black, or the stripes' amplitude is less than
     half of ``least``, or no column has the code and the phase.
 

@@ -62,7 +62,7 @@ def _direction_numbers(dimension: int) -> Array:
 
 
 def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """The first ``count`` points (count, d) of Sobol's sequence in (0, 1); each of d axes is shifted by its random.
+    """Draw the first ``count`` points (count, d) of Sobol's sequence in (0, 1); each of d axes has a random shift.
 
     The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property of
     the sequence: each of 2^m equal parts of every axis contains one of the first 2^m points. Raises ValueError for more

@@ -15,7 +15,7 @@ _VIEW_MARGIN = 0.05
 
 
 def find_sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array) -> Array:
-    """Boolean (n, 5): which of the five sides of the view volume each of n points is beyond. Points are metres right
+    """Find beyond which of the five sides of the view volume each point is, bool (n, 5). Points are metres right
     of, below and in front of the left eye, in the axes of its camera. The view volume is convex and contains the frames
     of both eyes and a margin."""
     scale = 1.0 / focal_px(rig)
@@ -35,8 +35,8 @@ def find_sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: 
 
 
 def is_in_view(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) -> Array:
-    """Whether points (n,) are in a frame of the rig or near it. Points are metres east and north of the left eye and
-    above it (usually negative)."""
+    """Return whether points (n,) are in a frame of the rig or near it. Points are metres east and north of the left eye
+    and above it (usually negative)."""
     heading, pitch, roll = (math.radians(angle) for angle in (rig.heading_deg, rig.pitch_deg, rig.roll_deg))
     right = east_m * math.cos(heading) - north_m * math.sin(heading)
     ahead = east_m * math.sin(heading) + north_m * math.cos(heading)

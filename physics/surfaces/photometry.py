@@ -58,7 +58,7 @@ def normal_albedo(law: Law) -> float:
 
 
 def hemispherical_albedo(law: Law, incidence: Numbers) -> Array:
-    """Share of a beam's light that the surface returns, at incidence angles in radians below π/2.
+    """Compute the share of a beam's light that the surface returns, at incidence angles in radians below π/2.
 
     For a reciprocal law it is also the radiance factor at this emission angle under light from the whole sky. The
     integration uses polar coordinates about the source, where the opposition surge is.

@@ -55,7 +55,7 @@ def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, 
 
 
 def snow_law(albedo: Numbers) -> Law:
-    """The law as bidirectional reflectance r in 1/sr, see ``photometry``; ``albedo`` is the spherical albedo."""
+    """Make the bidirectional reflectance of snow in 1/sr, see ``photometry``; ``albedo`` is the spherical albedo."""
 
     def law(incidence: Array, emission: Array, azimuth: Array) -> Array:
         r: Array = reflectance_factor(incidence, emission, azimuth, albedo) * np.cos(incidence) / np.pi

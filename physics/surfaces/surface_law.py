@@ -20,8 +20,8 @@ class Albedos(NamedTuple):
 
 
 def make_law(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | None:
-    """The law of ``surface`` settings, without albedo patches and relief; None for Principled snow, which has no closed
-    form. Raises IcyMoonError for parameters that are physically impossible."""
+    """Make the reflectance law of ``surface`` settings, without albedo patches and relief; None for Principled snow,
+    which has no closed form. Raises IcyMoonError for parameters that are physically impossible."""
     if surface.model == "PRINCIPLED":
         return None
     if surface.model == "HAPKE":

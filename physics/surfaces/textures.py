@@ -103,6 +103,6 @@ def make_maps(name: str) -> TextureSet:
 
 
 def uses_uv(textures: TexturesSettings) -> bool:
-    """Whether ``textures`` settings put images on the ground by its UV coordinates; a mesh's own images always use
-    them."""
+    """Return whether ``textures`` settings put images on the ground by its UV coordinates; images of a mesh file always
+    use them."""
     return bool(textures.set == "MESH" or (textures.set != "NONE" and textures.mapping == "UV"))

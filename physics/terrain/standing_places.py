@@ -116,9 +116,9 @@ class RockyGround:
     def choose_places(
         self, count: int, clearance_m: float, margin_m: float, apart_m: float, random: np.random.Generator
     ) -> Array:
-        """Up to ``count`` random places (k, 2) in metres on the patch. Each is at least ``clearance_m`` from every
-        rock, ``margin_m`` from the patch's edge and ``apart_m`` from the others. Fewer are returned if there is too
-        little room."""
+        """Choose up to ``count`` random positions (k, 2) in metres on the patch. Each is at least ``clearance_m`` from
+        every rock, ``margin_m`` from the patch's edge and ``apart_m`` from the others. Fewer are returned if there is
+        too little room."""
         half = self.ground.size_m / 2 - margin_m
         places: list[tuple[float, float]] = []
         for _ in range(_TRIES_PER_PLACE * count if half > 0 else 0):

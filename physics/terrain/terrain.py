@@ -109,7 +109,7 @@ class Terrain:
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
     def _sum_ground(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """The sum of the random surface, its layers, and the distant hills under them."""
+        """Sum the heights, m, of the random surface, its layers, and the distant hills under them."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
             total += each.heights(x, y, shortest_m)
@@ -125,7 +125,7 @@ def _list_tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
 
 
 def _order_by_place(x: Array, y: Array) -> Array:
-    """An order of scattered points in which neighbours follow each other, so that they share lattice cells."""
+    """Return indices that order scattered points so that neighbours follow each other and share lattice cells."""
     if x.size <= _TILE_SIDE**2:
         return np.arange(x.size)
     squares = max(1, round(math.sqrt(x.size) / _TILE_SIDE))

@@ -70,7 +70,7 @@ class LineRows:
 
 
 def reduce_digits(text: bytes) -> bytes:
-    """The text with one 0 for each run of digits. Raises UnusualTextError for one with zero bytes, and where a number
+    """Replace each run of digits by one 0. Raises UnusualTextError for a text with zero bytes, and where a number
     may be too large for double precision: with an exponent of three digits, or hundreds of digits."""
     zeros = text.translate(_DIGITS_TO_ZERO)
     if b"\0" in text or _TOO_MANY_DIGITS in zeros:

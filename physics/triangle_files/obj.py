@@ -53,7 +53,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
 
 
 def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
-    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are not numbers."""
+    """Parse the coordinates of a line ``v x y z`` with this ``number``. Raises ValueError if they are not numbers."""
     try:
         x, y, z = map(float, words[1:4])
         if math.inf in (abs(x), abs(y), abs(z)):

@@ -50,7 +50,7 @@ class Tolerance:
 
 
 def combine_verdicts(verdicts: Iterable[bool | None]) -> bool | None:
-    """Whether all verdicts hold: False if one fails, None if one is unknown."""
+    """Combine verdicts: True if all hold, False if one fails, otherwise None because one is unknown."""
     found = list(verdicts)
     return False if False in found else None if None in found else True
 

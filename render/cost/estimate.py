@@ -524,7 +524,7 @@ def estimate_prior_spread(speed: Speed | None, gpu: bool) -> float:
 
 
 def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
-    """The factor on the expected seconds, and the standard deviation of its logarithm.
+    """Estimate the factor on the expected seconds, and the standard deviation of its logarithm.
 
     The logarithm is the weighted mean of normal distributions: one known before, and one for each pair.
     """

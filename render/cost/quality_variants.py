@@ -90,8 +90,8 @@ class Variant:
 
 
 def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
-    """The scene with the most accurate light: no denoiser, no noise threshold, many bounces, full fine relief, Hapke's
-    law at full accuracy.
+    """Make the variant with the most accurate light: no denoiser, no noise threshold, many bounces, full fine relief,
+    Hapke's law at full accuracy.
 
     With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. There are two renders of
     half the ``samples`` each, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two

@@ -59,7 +59,7 @@ def make_file_name(key: str, checksum: str) -> str:
 
 
 def parse_name(name: str) -> tuple[str, str] | None:
-    """The key and the first digits of the checksum that a file's name states; the digits are empty in older names.
+    """Parse the key and the checksum's first digits from a file's name; the digits are empty in older names.
 
     None if the name is not the name of baked light.
     """

@@ -42,7 +42,7 @@ _PLACE_TOLERANCE = 1e-6
 def find_contradictions(
     data: Mapping[str, Any], settings: Settings, camera: Mapping[str, Any], eyes: Mapping[str, Any]
 ) -> Iterator[str]:
-    """The entries of a ``pair.json`` that contradict its settings, as clauses with the key and both values.
+    """Yield a clause for each entry of a ``pair.json`` that contradicts its settings, with the key and both values.
 
     ``camera`` and ``eyes`` are the tables that follow from the settings, see ``StereoCamera`` and ``eyes.eyes_json``.
     """
@@ -153,7 +153,7 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
 
 
 def _compare_lamps(stated: object, settings: Settings) -> Iterator[str]:
-    """Contradictions in the lamps. A lamp at the cameras has no place of its own in the settings."""
+    """Yield contradictions in the lamps. A lamp at the cameras has no position in the settings."""
     lamps, light = settings.light.lamps, settings.light
     if not isinstance(stated, list) or len(stated) != len(lamps):
         yield _describe_contradiction("light.lamps", len(stated) if isinstance(stated, list) else stated, len(lamps))
@@ -239,8 +239,8 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> I
 def _compare_value(
     name: str, stated: object, wanted: object, digits: float = _SETTING_TOLERANCE, scale: float = 1.0
 ) -> Iterator[str]:
-    """A clause if a stated value differs from the derived value. Numbers may differ by ``digits`` relative to the value
-    or to ``scale``.
+    """Yield a clause if a value of the pair differs from the derived value. Numbers may differ by ``digits`` relative
+    to the value or to ``scale``.
     """
     if stated == wanted:
         return

@@ -250,7 +250,7 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
 
 
 def _make_camera(stated: dict[str, Any], settings: Settings, path: Path) -> StereoCamera:
-    """The camera that a pair states, with the calibrated eyes of its settings."""
+    """Make the camera of a ``pair.json``, with the calibrated eyes of its settings."""
     try:
         return add_calibrated_eyes(StereoCamera.from_json(stated), settings)
     except ValueError as error:
@@ -258,7 +258,7 @@ def _make_camera(stated: dict[str, Any], settings: Settings, path: Path) -> Ster
 
 
 def _read_head(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]:
-    """The cameras beside a pair that it states."""
+    """Read the cameras of a head from a ``pair.json``."""
     try:
         return tuple(map(camera_from_json, stated))
     except ValueError as error:
@@ -337,7 +337,7 @@ def read_complete(folder: Path) -> dict[str, Any] | None:
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether a pair exists: ``pair.json``, which is written last, and images of the sizes that it states.
+    """Return whether a pair exists: ``pair.json``, which is written last, and images of the sizes in it.
 
     Raises OSError if the system refuses to tell.
     """
@@ -345,7 +345,7 @@ def is_whole(folder: Path) -> bool:
 
 
 def read_whole(folder: Path) -> dict[str, Any] | None:
-    """The content of the ``pair.json`` of a whole pair, see ``is_whole``; None if there is no such pair.
+    """Read the ``pair.json`` of a complete pair, see ``is_whole``; None without a complete pair.
 
     A link may lead to anyone's files, so a pair that is a link, or has one, counts as absent. Raises OSError if the
     system refuses to tell.
@@ -362,7 +362,7 @@ def read_whole(folder: Path) -> dict[str, Any] | None:
 
 
 def has_stated_files(folder: Path, data: Any) -> bool:
-    """Whether the files that ``data``, the content of a ``pair.json``, states exist with the stated sizes.
+    """Return whether all files listed in ``data``, the content of a ``pair.json``, exist with the sizes listed there.
 
     Raises OSError if the system refuses to tell.
     """

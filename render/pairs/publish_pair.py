@@ -55,7 +55,7 @@ def publish_pair(part: Path, folder: Path, lost: Callable[[], bool], again: bool
 
 
 def resolve_leftover(part: Path) -> None:
-    """Move a whole leftover pair into its place if the place is free, and remove other leftovers of Icy Moon.
+    """Move a complete leftover pair to its folder if this is free, and remove other leftovers of Icy Moon.
 
     Anything that is not ours stays unread. Raises OSError if the leftover cannot be read; then it stays too.
     """

@@ -71,8 +71,8 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
 
 
 def resolve_auto_indirect(settings: Settings, images: int) -> Settings:
-    """Settings with BAKED or TRACED in place of AUTO, for a data set of ``images`` images of one ground under one Sun,
-    in different directions."""
+    """Replace AUTO by BAKED or TRACED in settings, for ``images`` images of one ground under one Sun, in different
+    directions."""
     return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
 
 

@@ -32,7 +32,7 @@ from ...support.foreign_bytes import note_on_backslashes
 from . import pose_sweeps, setting_sweeps
 from .baked_or_traced import choose_indirect
 from .overwritten_sweeps import check_overwritten
-from .planned_pair import PlannedPair, compute_turned_heading_deg
+from .planned_pair import PlannedPair, compute_heading_deg
 from .setting_sweeps import Sweep, Variation, check_pair_count
 from .stand_in_replacements import list_files_by_name, replace_stand_ins
 
@@ -100,12 +100,12 @@ class _Combination:
     parts: tuple[Variation, ...]
 
     def with_part(self, part: Variation) -> _Combination:
-        """This combination with ``part`` over it. Both share the unchanged topics, which saves memory."""
+        """Return this combination with ``part`` over it. Both share the unchanged topics, which saves memory."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
 
     def find_place(self, *names: str) -> Place | None:
-        """The place of the last statement of one of these settings (``topic.key``), or of another setting of their
+        """Find the file position that last sets one of these settings (``topic.key``), or another setting of their
         topics.
         """
         keys = [(topic, key) for topic, _, key in (name.partition(".") for name in names)]
@@ -128,7 +128,7 @@ class _Grounds:
         self._keys = SettingsTexts(_GEOMETRY_SETTINGS)
 
     def make_ground_key(self, settings: Settings) -> str:
-        """A cache key of a procedural ground and its rocks: a text of all settings on which they depend."""
+        """Make a cache key of a procedural ground and its rocks: a text of all settings on which they depend."""
         return self._keys.of(settings)
 
     def find(self, settings: Settings) -> RockyGround:
@@ -206,9 +206,7 @@ def _list_camera_sweeps(design: PlanDesign) -> list[Sweep]:
 
 
 def _resolve_file_paths(part: Variation, design: PlanDesign) -> Variation:
-    """A part with its relative files made absolute: in the plan's folder of files, or beside the plan that
-    names them.
-    """
+    """Make a part's relative files absolute: in the plan's folder of files, or beside the plan that names them."""
     if not part.settings:
         return part
     return replace(part, settings=make_paths_relative_to(design.files or part.place.file.parent, merged(part.settings)))
@@ -257,7 +255,7 @@ def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
 
 
 def _replace_stand_ins(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
-    """A combination with the user's own files in place of the stand-ins of the same names."""
+    """Replace a combination's stand-ins by the user's files of the same names."""
     place = made.find_place("textures.stand_in", "source.stand_in")
     try:
         own = replace_stand_ins(made.settings, there)
@@ -301,7 +299,7 @@ def list_seeds(stated: int | list[int], seed: int) -> list[int]:
 def _place_cameras(
     sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: SettingsTexts, known: dict[str, list[Variation]]
 ) -> list[Variation]:
-    """The cameras that a sweep gives to a combination, computed once for each ground and rig."""
+    """Place the cameras of a sweep for a combination, once for each ground and rig."""
     key = grounds.make_ground_key(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
@@ -340,7 +338,7 @@ def _expand_headings(made: _Combination) -> Iterator[_Combination]:
             Variation(
                 {
                     "dataset": {"headings": 1},
-                    "rig": {"heading_deg": compute_turned_heading_deg(made.settings, k, headings)},
+                    "rig": {"heading_deg": compute_heading_deg(made.settings, k, headings)},
                 },
                 place,
             )
@@ -421,7 +419,7 @@ def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | 
 
 
 def _join_reasons(made: _Combination, reasons: list[Reason]) -> IcyMoonError | None:
-    """All reasons as one error, which names the line at fault of the first reason."""
+    """Join reasons in one error, which names the line at fault of the first reason; None without reasons."""
     if not reasons:
         return None
     error = IcyMoonError(" ".join(reasons))
@@ -430,7 +428,7 @@ def _join_reasons(made: _Combination, reasons: list[Reason]) -> IcyMoonError | N
 
 
 def _find_named_place(error: IcyMoonError, made: _Combination) -> Place | None:
-    """The place of the settings that an error names."""
+    """Find the file position of the settings that an error names."""
     named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
     return made.find_place(*named)
 

@@ -238,7 +238,7 @@ def _read_text(header: Mapping[str, Any], key: str, place: Place) -> str:
 
 
 def _read_names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str, Place]]:
-    """The name or the names that a key states, each with its place."""
+    """Read the name or names of a key, each with its file position."""
     value = header.get(key, [])
     if not isinstance(value, list):
         value = [value]

@@ -35,14 +35,14 @@ class PlannedPair:
         return int(state[0] >> 1)
 
 
-def compute_turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
-    """Heading of turn ``k`` of ``headings`` equal turns; turn 0 has ``rig.heading_deg``."""
+def compute_heading_deg(settings: Settings, k: int, headings: int) -> float:
+    """Compute heading ``k`` of ``headings`` in equal steps, degrees; heading 0 is ``rig.heading_deg``."""
     heading = float(settings.rig.heading_deg) + 360.0 * k / headings
     return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
 
 
 def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
-    """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
+    """List the pairs of a complete description: ``dataset.headings`` headings in equal steps at the site.
 
     ``extra`` identifies content beside the settings, see ``settings.pair_ids.make_pair_id``. Raises IcyMoonError for
     blur that cannot be rendered.
@@ -50,7 +50,7 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     headings = int(settings.dataset.headings)
     described = choose_indirect(
         [
-            merged(settings, {"rig": {"heading_deg": compute_turned_heading_deg(settings, k, headings)}} if k else {})
+            merged(settings, {"rig": {"heading_deg": compute_heading_deg(settings, k, headings)}} if k else {})
             for k in range(headings)
         ]
     )

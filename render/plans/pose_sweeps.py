@@ -23,7 +23,7 @@ from ...support.file_schemas import is_number
 from ...support.files import quote
 from ...support.number_text import format_count
 from . import trajectory_sweeps
-from .planned_pair import compute_turned_heading_deg
+from .planned_pair import compute_heading_deg
 from .setting_sweeps import (
     Sweep,
     Variation,
@@ -39,7 +39,7 @@ Ground = Callable[[Settings], RockyGround]
 
 
 def _read_numbers(sweep: Sweep, key: str, default: Sequence[float] | None = None) -> list[float]:
-    """The number or the list of numbers that a sweep states, as a list."""
+    """Read a sweep's number or list of numbers as a list."""
     value = sweep.table.get(key, None if default is None else list(default))
     place = sweep.place.at(key)
     values = value if isinstance(value, list) else [value]
@@ -71,7 +71,7 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
     stated = sweep.table.get("headings", 4)
     if isinstance(stated, int) and not isinstance(stated, bool) and stated > 0:
         check_pair_count(stated, sweep.place.at("headings"))
-        headings = [compute_turned_heading_deg(base, k, stated) for k in range(stated)]
+        headings = [compute_heading_deg(base, k, stated) for k in range(stated)]
     elif isinstance(stated, list):
         headings = _read_numbers(sweep, "headings")
     else:
@@ -164,7 +164,7 @@ KINDS = tuple(_MAKER_BY_KIND)
 
 def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
     """The settings in which the cameras of a sweep of one of ``KINDS`` differ, and the settings that the sweep
-    replaces. Equal turns begin at ``rig.heading_deg``, and a view sphere is around the rig's place.
+    replaces. Equal rotations begin at ``rig.heading_deg``, and a view sphere is around the rig's position.
     """
     if sweep.kind == trajectory_sweeps.KIND:
         return trajectory_sweeps.SETTINGS, trajectory_sweeps.SETTINGS
@@ -182,7 +182,7 @@ def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
 
 
 def make_camera_variations(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    """The cameras that a sweep of one of ``KINDS`` gives to complete settings.
+    """Make the camera settings of a sweep of one of ``KINDS`` for complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """

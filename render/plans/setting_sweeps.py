@@ -47,7 +47,7 @@ NOT_SWEPT = {
 
 @dataclass(frozen=True)
 class Sweep:
-    """A ``[[sweep]]`` table: its kind, its name (stated or automatic), its other keys and its place in the file."""
+    """A ``[[sweep]]`` table: its kind, its name (given or automatic), its other keys and its position in the file."""
 
     kind: str
     name: str
@@ -57,7 +57,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Variation:
-    """The settings of one variation of a sweep, and its place in the file."""
+    """The settings of one variation of a sweep, and its position in the file."""
 
     settings: Parts
     place: Place
@@ -89,7 +89,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
 
 
 def load_included(name: object, place: Place) -> Settings:
-    """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
+    """Load the settings of a shipped preset, or of a settings file beside the plan, whose name ends in .toml."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
     try:
@@ -99,7 +99,7 @@ def load_included(name: object, place: Place) -> Settings:
 
 
 def make_axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generator:
-    """The random numbers of one axis of a sweep. They depend on names, so other sweeps leave them unchanged."""
+    """Make the random generator of one axis of a sweep. It depends on names, so other sweeps leave it unchanged."""
     return make_generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
 
 
@@ -239,7 +239,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
 
 
 def _read_law(name: str, setting: Setting | None, law: object, place: Place, kind: str) -> Callable[[Array], list[Any]]:
-    """A function from fractions (0 to 1) to values of a factor, by the distribution in the plan."""
+    """Read a factor's distribution from the plan as a function from fractions (0 to 1) to its values."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):

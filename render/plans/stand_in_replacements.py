@@ -67,9 +67,7 @@ def _find_file(names: Sequence[str], there: dict[str, list[Path]], suffixes: tup
 
 
 def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) -> list[str]:
-    """Sentences on the stand-ins that pairs show, and on the user's own files of ``folders`` in place of other
-    stand-ins.
-    """
+    """Describe in sentences the stand-ins that pairs use, and the user's files in ``folders`` that replace others."""
     shown = {item.key: item for pair in pairs for item in list_items(pair.settings)}
     sentences = []
     if shown:
@@ -91,12 +89,12 @@ def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) ->
 
 
 def find_own_files(pairs: Sequence[PlannedPair], folders: Sequence[Path]) -> set[Path]:
-    """The user's own files of ``folders`` that pairs show in place of stand-ins."""
+    """Find the user's files in ``folders`` that pairs use instead of stand-ins."""
     return {path for pair in pairs for path in _list_shown_files(pair.settings) if path.parent in folders}
 
 
 def describe_own_files(own: Collection[Path], folders: Sequence[Path]) -> str:
-    """A sentence on the user's own files of ``folders`` that are shown."""
+    """Describe the user's files in ``folders`` that are used."""
     return (
         f"{len(own)} of your own files in {', '.join(map(str, folders))} replace stand-ins: "
         f"{', '.join(sorted(path.name for path in own))}."

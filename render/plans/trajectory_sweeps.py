@@ -151,7 +151,7 @@ def _find_world_axes(sweep: Sweep, found: Trajectory) -> str:
 
 
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """The content of the file, and its poses in its own axes, with the stamps and the step that the plan states."""
+    """Read the file, and its poses in the file's axes, with the stamps and the step of the plan."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", TRAJECTORY_KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None

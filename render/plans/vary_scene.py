@@ -257,7 +257,7 @@ def _make_sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: i
 
 
 def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
-    """The scene's own seed, then others drawn from it."""
+    """Draw seeds: first the scene's seed, then seeds drawn from it."""
     own = int(settings.dataset.seed)
     return [own, *list_seeds(seeds - 1, own)]
 

@@ -72,7 +72,7 @@ def choose_cards(text: str) -> Cards:
 
 
 def choose_worker_cards(cards: Cards, place: int, workers: int) -> Cards:
-    """The cards of one of several ``workers``: if several cards are chosen, each worker gets one, in turn."""
+    """Choose the cards of one of several ``workers``: of several cards, the workers get one each, in rotation."""
     if workers < 2 or len(cards.numbers) < 2:
         return cards
     return Cards(cards.backend, (cards.numbers[place % len(cards.numbers)],))

@@ -73,7 +73,7 @@ def read_job(file: Path) -> dict[str, Any]:
 
 
 def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
-    """The planned pairs of a job; each pair's own settings are stored over the common ones."""
+    """Read the planned pairs of a job, which stores common settings and each pair's changes to them."""
     restore, shared = Restorer(), job.get("shared", {})
     return [
         PlannedPair(check_id(pair["id"], "The job"), restore(add_shared(pair["settings"], shared), "job"), 0.0)

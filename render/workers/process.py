@@ -41,7 +41,7 @@ class ProcessOutput:
         self.cancelled = self.left = False
 
     def _read_line(self, line: str) -> Message | None:
-        """The message in a line; None for other lines, which are kept."""
+        """Parse the message in a line; None for other lines, which are stored."""
         message = _parse_message(line)
         if message is None:
             self._tail.append(line.rstrip())
@@ -97,7 +97,7 @@ class Process(ProcessOutput):
         self._lines.put(None)
 
     def poll(self) -> list[Message]:
-        """The messages since the last call."""
+        """Return the process's messages since the last call."""
         messages = []
         while not self._lines.empty():
             line = self._lines.get()

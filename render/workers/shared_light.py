@@ -45,8 +45,8 @@ class LightFile:
 
 
 @dataclass(frozen=True)
-class KeptLight:
-    """Baked light and its file in the data set."""
+class StoredLight:
+    """Baked light with its file's name and checksum in the data set."""
 
     light: BakedLight
     file: str
@@ -66,7 +66,7 @@ class KeptLight:
 
 
 def find_stated_light_files(pair_json: Mapping[str, Any]) -> list[LightFile]:
-    """The files of baked light that the content of a ``pair.json`` states, if they have valid names."""
+    """List the files of baked light in the content of a ``pair.json``, if their names are valid."""
     if find_fault(pair_json, _PAIR_SHAPE):
         return []
     found = []
@@ -79,15 +79,15 @@ def find_stated_light_files(pair_json: Mapping[str, Any]) -> list[LightFile]:
     return found
 
 
-class StatedLight:
-    """The baked light that the complete pairs of a data set state; each pair is read once."""
+class RecordedLight:
+    """The baked light that the complete pairs of a data set record; each pair is read once."""
 
     def __init__(self, dataset: Path) -> None:
         self._pairs = pairs_folder(dataset)
         self._by_pair: dict[str, list[LightFile]] = {}
 
     def by_pair(self) -> Mapping[str, list[LightFile]]:
-        """The light files that each complete pair states, by the pair's id."""
+        """The light files that each complete pair records, by the pair's id."""
         for folder in self._pairs.glob("*"):
             if folder.name not in self._by_pair and is_pair_name(folder) and not is_unfinished_name(folder):
                 self.add(folder)
@@ -117,11 +117,11 @@ class SharedLight:
 
     def __init__(self, dataset: Path, claims: Claims) -> None:
         self._dataset, self.claims = dataset, claims
-        self._vouched = StatedLight(dataset)
+        self._vouched = RecordedLight(dataset)
         self._known: dict[str, LightFile] = {}
         self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
 
-    def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[KeptLight, float]:
+    def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[StoredLight, float]:
         """Baked light of a ground with this number of vertices and rocks, and the processor seconds of ``bake`` in this
         call.
 
@@ -155,7 +155,7 @@ class SharedLight:
                 self._waiting.discard(file.key)
                 self.claims.release(file.key)
 
-    def _find_usable(self, key: str, vertices: int, rocks: int) -> KeptLight | None:
+    def _find_usable(self, key: str, vertices: int, rocks: int) -> StoredLight | None:
         """Light that may be used, read from its file; None if there is no such light."""
         candidates = self._vouched.find_by_key(key)
         if key in self._known:
@@ -177,7 +177,7 @@ class SharedLight:
                 return _make_kept_light(path, file.checksum, replace(light, cpu_seconds=file.cpu_seconds))
         return None
 
-    def _keep_light(self, key: str, light: BakedLight) -> KeptLight:
+    def _keep_light(self, key: str, light: BakedLight) -> StoredLight:
         """Write light that was baked here, and hold its claim until a pair states it."""
         path, checksum = baked_file.write_baked_light(self._dataset, key, light)
         self.claims.write_light_checksum(key, checksum, light.cpu_seconds)
@@ -186,5 +186,5 @@ class SharedLight:
         return _make_kept_light(path, checksum, light)
 
 
-def _make_kept_light(path: Path, checksum: str, light: BakedLight) -> KeptLight:
-    return KeptLight(light, f"{LIGHT}/{path.name}", checksum)
+def _make_kept_light(path: Path, checksum: str, light: BakedLight) -> StoredLight:
+    return StoredLight(light, f"{LIGHT}/{path.name}", checksum)

@@ -40,7 +40,7 @@ from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .manifest import MANIFEST
 from .pair_claims import CLAIMS_FOLDER, Claims
-from .shared_light import LightFile, StatedLight
+from .shared_light import LightFile, RecordedLight
 
 #: The id of a pair.
 _PAIR_ID = re.compile(r"[0-9a-f]{12}")
@@ -97,7 +97,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
         )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
-    complete, shared = 0, _SharedChecks(StatedLight(dataset))
+    complete, shared = 0, _SharedChecks(RecordedLight(dataset))
     for name, pair in planned.items():
         folder = folder_of_pair(dataset, name)
         try:
@@ -165,7 +165,7 @@ def _describe_misplaced(folder: Path) -> str:
 class _SharedChecks:
     """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
 
-    def __init__(self, light: StatedLight) -> None:
+    def __init__(self, light: RecordedLight) -> None:
         self.light = light
         self.restore, self.count = Restorer(), make_counter()
         #: Name, topic and key of the settings that can change a rendered pixel.
@@ -248,7 +248,7 @@ def _parse_pair_json(record: Path) -> object:
 
 
 def _has_rendered_files(folder: Path, data: Any) -> bool:
-    """Whether all files that the content of a ``pair.json`` states are unchanged since the render.
+    """Return whether all files listed in the content of a ``pair.json`` are unchanged since the render.
 
     Raises OSError if the system refuses to tell.
     """
@@ -353,7 +353,7 @@ def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
         )
 
 
-def _find_stated_light(light: StatedLight) -> dict[LightFile, list[str]]:
+def _find_stated_light(light: RecordedLight) -> dict[LightFile, list[str]]:
     """The files of baked light in use, and for each the ids of the pairs that were rendered with it."""
     stated: dict[LightFile, list[str]] = {}
     for pair, files in sorted(light.by_pair().items()):

@@ -186,7 +186,7 @@ def make_varied_fields(**common: object) -> dict[str, Any]:
 
 
 def shown_property_name(end: str, precision: int) -> str:
-    """The name of the property that shows the ``first`` or ``last`` value of a varied number with ``precision``
+    """Return the name of the property that shows the ``first`` or ``last`` value of a varied number with ``precision``
     decimals.
 
     The decimals of a property are fixed, and each setting has its own.
@@ -224,7 +224,7 @@ def _shortest_single(value: float) -> float:
 
 
 def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
-    """Store the varied values of a setting in the list, in its existing place or at the end, and select it."""
+    """Store the varied values of a setting in the list, in its existing row or at the end, and select it."""
     stated, setting = group.variations, varied.setting
     place = next((k for k, item in enumerate(stated.varied) if item.setting == varied.name), len(stated.varied))
     item = stated.varied[place] if place < len(stated.varied) else stated.varied.add()
@@ -296,7 +296,7 @@ def _make_lidar() -> object:
 
 
 def _make_look_of_points() -> dict[str, Any]:
-    """The properties that state how the points of a scan are shown."""
+    """Make the properties that control the display of a scan's points."""
     update = make_update_callback(LIDAR_POINTS)
     return {
         "colour": bpy.props.EnumProperty(
@@ -388,7 +388,7 @@ def unregister() -> None:
 
 
 def read_settings(group: bpy.types.PropertyGroup) -> Settings:
-    """The complete settings in a ``Scene.icymoon`` property group.
+    """Read the complete settings from a ``Scene.icymoon`` property group.
 
     Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused, and if
     the scene has settings of a landform whose package this Blender lacks.
@@ -428,7 +428,7 @@ def _forget_displayed(*_: object) -> None:
 
 
 def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:
-    """The complete settings without a check. Only show them; do not pass them to a process."""
+    """Read the complete settings without a check. Only display them; do not pass them to a process."""
     return fill_in_releases(
         typed(
             {

@@ -123,7 +123,7 @@ class Setting:
         return {name: label for name, label, _ in self.choices}
 
     def placed(self, since: str) -> Setting:
-        """This setting with ``shown`` and ``since`` from its section and topic, where it states none."""
+        """Return this setting, with its section's and topic's ``shown`` and ``since`` where it has none."""
         shown = self.section.shown if self.section and self.shown is ALWAYS else self.shown
         return replace(self, since=self.since or since, shown=shown)
 

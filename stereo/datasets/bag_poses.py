@@ -64,7 +64,7 @@ class BagPoses:
 
 
 def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
-    """The poses of a moving frame, of a topic in a bag.
+    """Read the poses of a moving frame from a topic of a bag.
 
     ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
     A frame that is fixed to a moving frame, as a camera to a robot, moves with it. Raises IcyMoonError for a bag
@@ -105,7 +105,7 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
 
 
 def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
-    """Note a pose. Raises ValueError if it contradicts the others of its frame."""
+    """Add a pose to ``found``. Raises ValueError if it contradicts the other poses of its frame."""
     frame = found.setdefault(name, _Frame(parent))
     what = shorten(name) or "its topic"
     if frame.parent != parent:
@@ -139,7 +139,7 @@ def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _
 
 
 def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
-    """The stated name, or the only name ``there``. Raises IcyMoonError without either."""
+    """Return the name that the user ``stated``, or the only name in ``there``. Raises IcyMoonError without either."""
     if stated in there:
         return stated
     if stated:

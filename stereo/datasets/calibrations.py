@@ -37,7 +37,7 @@ def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: 
 def make_common_camera(
     focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int
 ) -> StereoCamera:
-    """The camera that a data set states for all of its images."""
+    """Make the camera that all images of a data set share."""
     return StereoCamera(width, height, focal_px, cx + _PIXEL_CENTRE, cy + _PIXEL_CENTRE, baseline_m)
 
 
@@ -111,13 +111,13 @@ def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float
 
 
 def read_row_offset_px(path: Path) -> float:
-    """The largest vertical distance of matching points that ``calib.txt`` states, px; 0 for rectified images."""
+    """Read the largest vertical distance of matching points, px, from ``calib.txt``; 0 for rectified images."""
     fields = read_fields(path, "=")
     return read_numbers(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
 
 
 def read_disparity_count(path: Path) -> int | None:
-    """The sufficient number of disparities that ``calib.txt`` states; None without that entry."""
+    """Read the sufficient number of disparities from ``calib.txt``; None without that entry."""
     fields = read_fields(path, "=")
     return _read_pixel_count(path, fields, "ndisp") if "ndisp" in fields else None
 
@@ -142,7 +142,7 @@ def read_exported_camera(path: Path, width: int, height: int) -> StereoCamera:
 
 
 def read_saturation_radiance(path: Path) -> float | None:
-    """The radiance of white in the images, from ``calibration.json``; None if it states none."""
+    """Read the radiance of white in the images, W/(m² sr), from ``calibration.json``; None without this entry."""
     found = read_record(path, _EXPORT_SHAPE, "export the pair again").get("saturation_radiance")
     return None if found is None else float(found)
 

@@ -61,7 +61,7 @@ class MapFile:
 
 
 def resolve_inside(root: Path, name: str | Path) -> Path:
-    """The path of the file ``name`` in the folder ``root``; whether it is a regular file shows when it is read.
+    """Return the path of the file ``name`` in the folder ``root``, without a check that it is a regular file.
 
     Raises IcyMoonError for a path outside ``root``.
     """
@@ -97,7 +97,7 @@ def read_image(path: Path) -> Array:
 
 
 def read_orientation(path: Path) -> int:
-    """The EXIF orientation, 1 to 8, by which viewers turn a PNG, JPEG or WebP image. ``read_image`` ignores it.
+    """Read the EXIF orientation, 1 to 8, by which viewers rotate a PNG, JPEG or WebP image; ``read_image`` ignores it.
 
     Raises IcyMoonError as ``read_image`` does.
     """
@@ -129,13 +129,13 @@ def _parse_tiff_image(foreign: ForeignBytes) -> EncodedImage:
 
 
 def read_radiance(path: Path) -> Array:
-    """A PFM image, grey or in colours, as the mean of its bands, float64 (H, W); 0 in place of NaN and infinity."""
+    """Read a PFM image as the mean of its bands, float64 (H, W), with 0 in place of NaN and infinity."""
     values = np.nan_to_num(read_pfm(path, colours=True).astype(np.float64), posinf=0.0)
     return values if values.ndim == 2 else np.asarray(values.mean(axis=-1))
 
 
 def read_map(file: MapFile) -> Array:
-    """A map as float64 (H, W), NaN where unknown. Negative numbers are kept.
+    """Read a map as float64 (H, W), NaN where unknown; negative numbers stay.
 
     Reads PFM, PNG, npy, npz, OpenEXR and TIFF. Raises IcyMoonError if the file is missing, damaged, too large or
     contains no map.
@@ -189,7 +189,7 @@ def _describe_png_encoding(file: MapFile) -> str:
 
 
 def _read_png_numbers(image: Array, file: MapFile) -> Array:
-    """The numbers of a PNG. A PNG of 8 bits needs stated steps, since it may be just a picture."""
+    """Read the numbers of a PNG. One of 8 bits needs a number of steps from the user: it may be an ordinary picture."""
     if image.ndim != 2:
         raise RefusedError(
             f"is a picture, not a map: it has colours; write one number per pixel, as PFM or "
@@ -235,7 +235,7 @@ def _parse_exr_map(foreign: ForeignBytes, file: MapFile) -> Array:
 
 
 def _parse_npz_map(foreign: ForeignBytes, file: MapFile) -> Array:
-    """The array of an npz that ``truth.channel`` states, or that has the name of the map's kind, or its only array."""
+    """Return the array of an npz named by ``truth.channel``, else by the map's kind, else its only array."""
     wanted = file.channel or file.kind
     found = parse_npz(foreign, {wanted}, "fiu") or parse_npz(foreign, kinds="fiu")
     names = list(found)

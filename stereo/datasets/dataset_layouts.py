@@ -42,7 +42,7 @@ Finder = Callable[[Path], list[FoundPair]]
 
 
 def find_foreign_pairs(path: Path) -> list[FoundPair]:
-    """The pairs at ``path``, a folder in one of the layouts or of one pair; empty for any other path.
+    """Find the pairs at ``path``, a folder in one of the layouts or of one pair; empty for any other path.
 
     A pair with a file that is missing or outside the folder is unusable; the others stay. Raises IcyMoonError if no
     pair is left, a folder that the layout needs is missing, or two pairs have the same name.
@@ -138,7 +138,7 @@ def _find_middlebury(path: Path) -> list[FoundPair]:
 
 
 def _find_folders_with(path: Path, name: str) -> list[Path]:
-    """The folder itself, or the folders in it, that contain a file of this name."""
+    """Return the folder itself if it contains a file of this name, else its subfolders that do."""
     if (path / name).is_file():
         return [path]
     return [file.parent for file in list_user_files(path, f"*/{name}")]

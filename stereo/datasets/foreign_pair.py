@@ -75,7 +75,7 @@ class ForeignPair:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All files that determine its numbers."""
+        """All files on which the pair's results depend."""
         right = (self.truth_right.path,) if self.truth_right else ()
         return (
             self.left,
@@ -170,8 +170,7 @@ class ForeignPair:
         return disparity, markers, notes, [*warnings, *doubts]
 
     def _drop_impossible(self, disparity: Array) -> tuple[Array, list[str]]:
-        """The disparities that are possible in two images of this width, NaN for impossible ones, and a warning about
-        these.
+        """Replace disparities that are impossible in images of this width by NaN, and warn about them.
 
         Raises IcyMoonError if no possible disparity remains.
         """
@@ -300,7 +299,7 @@ class UnusablePair:
 def open_foreign_pair(
     name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]
 ) -> ForeignPair | UnusablePair:
-    """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that the other pairs are kept."""
+    """Return the result of ``find``, or an unusable pair if it raises IcyMoonError, so that others remain usable."""
     try:
         return find()
     except IcyMoonError as error:

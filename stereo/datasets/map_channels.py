@@ -42,7 +42,7 @@ _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
 
 def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> str:
-    """The channel, of those with these ``names``, that holds a map of ``kind`` "depth" or "disparity".
+    """Choose the channel among ``names`` that holds a map of ``kind`` "depth" or "disparity".
 
     Names of layers and passes count first, then the usual names of channels. A component such as Z is a depth in a pass
     called Depth, and a direction in one called Normal or beside an X and a Y. Raises RefusedError if several layers may
@@ -106,7 +106,7 @@ def find_stated_channel(names: Sequence[str], stated: str) -> str:
 
 
 def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> str:
-    """The array of an npz with the name of its ``kind``, or its only array. Raises RefusedError without both."""
+    """Choose the array of an npz with the name ``kind``, else its only array. Raises RefusedError without either."""
     if kind in names:
         return kind
     if len(names) == 1:
@@ -118,7 +118,7 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
 
 
 def _list_names(names: Sequence[str]) -> str:
-    """The first names, in full, as a user has to state them."""
+    """Join the first names, in full, in the form that a user has to type."""
     shown = [shorten(name) for name in names[:_MOST_QUOTED_NAMES]]
     return ", ".join(
         [*shown, *([f"{len(names) - _MOST_QUOTED_NAMES} more"] if len(names) > _MOST_QUOTED_NAMES else [])]

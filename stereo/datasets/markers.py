@@ -20,7 +20,7 @@ _LEAST_PLATEAU_STEPS = 2
 
 
 def find_markers(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> tuple[float, ...]:
-    """Values that mean "unknown" in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
+    """Find the values that mean "unknown" in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
     Such a value is the nearest or the farthest, is the same to the bit in many pixels, and is far beyond all others, or
     is the only negative disparity. A value that the images confirm there is a real surface: a wall.

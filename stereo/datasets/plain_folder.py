@@ -76,7 +76,7 @@ _WRITE_AS_IN_MANUAL = "write it as the manual's page on foreign data shows"
 
 
 def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
-    """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
+    """Find the pairs that a folder's ``pairs.toml`` names; empty without this file.
 
     Raises IcyMoonError for a wrong file, and if no left image exists or a named file exists for no pair.
     """

@@ -35,7 +35,7 @@ _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 
 
 def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
-    """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
+    """Parse ``NAME=FOLDER`` texts to methods; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
     A folder without any prediction is accepted beside other methods: ``find_prediction`` reports it later. Raises
     IcyMoonError for any other text, a name in use, a path that is not a folder, and if no method would have a result.

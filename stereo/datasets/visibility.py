@@ -46,7 +46,7 @@ class Mask:
 
 
 def read_mask(mask: Mask, disparity: Array) -> Array:
-    """The pixels (H, W), bool, whose point is visible in the right eye, by ``mask``.
+    """Return the pixels (H, W), bool, whose point the right eye sees according to ``mask``.
 
     ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
     size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
@@ -118,7 +118,7 @@ def _list_readings(seen: Array) -> Iterator[tuple[str, Array]]:
 
 
 def make_right_camera(camera: StereoCamera) -> StereoCamera:
-    """The camera with the principal point of its right eye in place of the left."""
+    """Return the camera with the right eye's principal point in place of the left's."""
     return replace(camera, cx_px=camera.cx_px + camera.doffs_px)
 
 

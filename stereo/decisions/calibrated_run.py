@@ -34,7 +34,7 @@ class CalibrationOrder:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """The statements of a run with confidence: sentences, and entries of ``decisions.json``.
+    """A run's conclusions with their confidence: sentences, and entries of ``decisions.json``.
 
     ``entries`` are the matchers of the calibration that is made, ``refusal`` the reason why it is not.
     """

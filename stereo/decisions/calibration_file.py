@@ -197,7 +197,7 @@ def _check_content(data: Mapping[str, Any], path: Path) -> None:
 
 
 def _can_follow(risk: Mapping[str, Any], groups: Sequence[Mapping[str, Any]], goal: Goal) -> bool:
-    """Whether a margin can be the strictest of its groups with this sum of losses."""
+    """Return whether a margin with this sum of losses can be the strictest of its groups."""
     grounds, by_group = sum(group["grounds"] for group in groups), risk["by_group"]
     strictest = None if None in by_group else max(by_group, default=None)
     if len(by_group) != len(groups) or risk["threshold"] != strictest or risk["acted"] > grounds:

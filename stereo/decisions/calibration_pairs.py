@@ -80,7 +80,7 @@ def join_statements(pairs: Sequence[StatedPair]) -> StatedPair:
 
 
 def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:
-    """The name of the group with these settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
+    """Name the group by its settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
     values = [name.split(".") for name in group_by]
     return ", ".join(f"{topic}.{key}={_show_value(settings[topic][key])}" for topic, key in values)
 

@@ -72,9 +72,9 @@ class Dem:
         return np.isfinite(self.height_m)
 
     def encode_geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
-        """The heights as the bytes of a GeoTIFF in the site's frame.
+        """Encode the heights as a GeoTIFF in the site's frame.
 
-        Its tag ``map`` is the place on a map in the entry ``ground`` of a ``pair.json``, as JSON.
+        Its tag ``map`` is the position on a map from the entry ``ground`` of a ``pair.json``, as JSON.
         """
         grid = self.grid
         place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME_TEXT, notes=describe_map_notes(ground))

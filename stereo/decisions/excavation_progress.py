@@ -42,7 +42,7 @@ _Entry = Mapping[str, Any]
 
 
 def name_series(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """The name of a pair's ground that all states of one excavation share."""
+    """Name a pair's ground; all states of one excavation share this name."""
     return _name_ground(settings, lambda topic, key: (topic, key) != _STATE_SETTING)
 
 

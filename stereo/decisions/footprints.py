@@ -88,7 +88,7 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float = 0.0, shape: A
 
 
 def average_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
-    """The share of the cells under each footprint where ``mask`` is true, or its mean value.
+    """Average ``mask`` under each footprint: for a boolean mask, the share of its cells that are true.
 
     With ``among``, only its cells count, and footprints without such cells are NaN. Cells beyond the border count as
     false.

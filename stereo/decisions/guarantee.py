@@ -34,7 +34,7 @@ _Row = Mapping[str, Any]
 def apply_calibration(
     calibration: Calibration, rows: Sequence[_Row], stated: Mapping[str, StatedPair]
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The rows with the entry ``guarantee``, and the entry ``guarantee`` of ``decisions.json``.
+    """Return the rows with the entry ``guarantee``, and the entry ``guarantee`` of ``decisions.json``.
 
     Of a row, ``verdict`` is GUARANTEED, ABSTAINS or UNLIKE, ``p`` the p-value of its ground and ``feature`` the number
     that differs most; the entry is None if the pair failed or contradicts itself. The other pairs of its ground are
@@ -71,7 +71,7 @@ def _list_labels(rows: Sequence[_Row]) -> list[str]:
 
 
 def _compare_ground(entry: Mapping[str, Any], group: str, rows: Sequence[_Row]) -> dict[str, Any]:
-    """The likeness of a ground, by its rows of a group, to the calibration grounds of this group."""
+    """Compare a ground, by its rows of a group, with the calibration grounds of this group."""
     own = next((each for each in entry["groups"] if each["group"] == group), None)
     if own is None:
         return {"p": 0.0, "feature": _OTHER_GROUP}

@@ -13,7 +13,7 @@ _UNLIMITED_MARGIN_DEG = 180.0
 
 
 def has_arm(settings: Settings) -> bool:
-    """Whether the settings state an arm with a known reach: a shipped arm, not the user's own."""
+    """Return whether the settings have an arm of known reach: a shipped arm, not one from the user's file."""
     return settings.lander.kind == "PARAMETRIC"
 
 

@@ -76,7 +76,7 @@ class Sites:
 
 
 def find_rocks(height_m: Array, cell_m: float, rules: SiteRules) -> Array:
-    """Cells (rows, columns), bool, that stand more than ``rock_height_m`` above the plane of the ground around them.
+    """Find the cells (rows, columns), bool, that rise more than ``rock_height_m`` above the plane of the ground around.
 
     The plane is fitted again without the rocks, so that a rock does not raise its own ground.
     """
@@ -99,7 +99,7 @@ def measure_layers(
     errors: CellErrors | None = None,
     debias: float = 0.0,
 ) -> SiteLayers:
-    """The layers of an elevation model.
+    """Measure the layers of an elevation model that the rules judge.
 
     With ``errors`` of its heights, the share ``debias`` of their effect on roughness and slope is removed.
 
@@ -165,7 +165,7 @@ def _margin_above(value: Array, limit: float) -> Array:
 
 
 def _margin_of_share(value: Array, limit: float) -> Array:
-    """The margin of a share above its least value, 1 for the whole.
+    """Return the margin of a share: 0 at its ``limit``, 1 at a share of 1.
 
     In units of the limit, completely known ground would have a margin of 0.11 at a limit of 0.9. This would be the
     smallest margin of all good sites, so it would not rank them.

@@ -66,7 +66,7 @@ def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
 
 
 def locate_scoop(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
-    """The position at which a planar depth (H, W), m, shows the scoop, if the left eye has this ``pose`` (4, 4).
+    """Locate the scoop in a planar depth (H, W), m, of a left eye with this ``pose`` (4, 4).
 
     ``error_mm`` at its middle and ``error_deg`` are from the true pose. ``apart_mm`` is the distance of the true pose
     from the commanded one. ``found_mm`` (3,) is the found pose relative to the commanded one: east, north, up.

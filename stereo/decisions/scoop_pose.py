@@ -52,8 +52,9 @@ def sample_surface(vertices: Array, triangles: Array, count: int, random: np.ran
 
 
 def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random: np.random.Generator) -> Array | None:
-    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from points (m,
-    3) of it that an ``eye`` (3,) sees, starting at the ``commanded`` pose (4, 4). None if there are too few points.
+    """Find the pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in the link's frame), from
+    points (m, 3) on it that an ``eye`` (3,) sees, starting at the ``commanded`` pose (4, 4). None if there are too few
+    points.
     """
     if len(points) < FEWEST_POINTS:
         return None

@@ -130,7 +130,7 @@ def _count_by_margin(found: Sites, truth: Sites, offered: Array) -> dict[str, An
 
 
 def _count_from(margin: Array) -> list[int]:
-    """The numbers of margins (n,) that are at least each of ``THRESHOLDS``."""
+    """Count the margins (n,) that are at least each of ``THRESHOLDS``."""
     below = np.searchsorted(np.sort(margin), THRESHOLDS, side="left")
     return [int(margin.size - count) for count in below]
 

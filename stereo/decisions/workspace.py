@@ -315,8 +315,8 @@ def compare_beside_lander(
 
 
 def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
-    """The pose (4, 4) with a random error: a shift and a turn about the eye, normal in three axes with these standard
-    deviations per axis.
+    """Add a random error to a pose (4, 4): a shift and a rotation about the eye, normal with these standard deviations
+    in each of three axes.
     """
     turn = np.radians(error_deg) * random.standard_normal(3)
     shift = error_mm / 1000 * random.standard_normal(3)
@@ -377,7 +377,7 @@ def find_lit_pixels(prepared: PreparedPair, lit_level: float) -> Array:
 
 
 def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
-    """The materials from the file of a pair; None if the rules do not need them. Raises IcyMoonError if the pair lacks
+    """Read the materials from a pair's file; None if the rules do not need them. Raises IcyMoonError if the pair lacks
     them.
     """
     if not rules.site.needs_materials:

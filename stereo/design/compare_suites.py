@@ -72,7 +72,7 @@ def compute_loss(numbers: Mapping[str, Any], abstain_loss: float) -> float:
 
 
 def compute_energy(numbers: Mapping[str, Any], suite: Suite, costs: Costs) -> dict[str, float]:
-    """The energy of a decision in J, by its parts."""
+    """Compute the energy of a decision in J, by consumer."""
     pixels = numbers["frames"] * suite.settings.rig.width_px * suite.settings.rig.height_px
     points = numbers["points"]
     return {

@@ -88,7 +88,7 @@ def read_lamp(power_w: float | None, place: LampPlace | None, settings: Settings
 
 
 def _find_offset(lamp: SuiteLamp, settings: Settings) -> Array:
-    """The lamp's place (3,) east, north and above the left camera, m."""
+    """Find the lamp's position (3,) east, north and above the left camera, m."""
     axes = camera_axes(settings.rig.heading_deg, settings.rig.pitch_deg)
     return np.asarray(lamp.place.right_m * axes[:, 0] - lamp.place.up_m * axes[:, 1])
 

@@ -98,7 +98,7 @@ def look(ground: Ground, lander: Settings, light: Lighting) -> View:
 
 
 def state_pair(recipe: Recipe, lander: Settings, view: View) -> Pair:
-    """The pair as a worker states it, as far as decisions read it."""
+    """Make the entries of ``pair.json`` that decisions read, as a worker would write them."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = view.left.axes, view.left.position
     sun = SceneSun(view.light.sun, view.light.irradiance_wm2, 2 * float(np.degrees(view.light.sun_radius_rad)))
@@ -168,14 +168,14 @@ def _render_images(
 
 
 def look_down(ground: Ground, x_m: Array, y_m: Array) -> Array:
-    """The height (n,), m, of the top at places (n,)."""
+    """Find the height (n,), m, of the highest surface at positions (n,)."""
     start = np.stack([x_m, y_m, np.full(x_m.size, _ABOVE_M)], 1)
     down = np.tile([0.0, 0.0, -1.0], (x_m.size, 1))
     return np.asarray(_ABOVE_M - ground.tracer.intersect(start, down, 0.0, 1e3).along)
 
 
 def find_top_heights(ground: Ground, grid: Grid) -> Array:
-    """The mean height (rows, columns), m, of the top at 3 x 3 places of each cell."""
+    """Find the mean height (rows, columns), m, of the highest surface at 3 x 3 points of each cell."""
     x, y = (each.ravel() for each in grid.centres())
     total = np.zeros(x.size)
     for east in (-1, 0, 1):

@@ -71,7 +71,7 @@ class Study:
     basis: Sequence[Any]
 
     def make_key(self, suite: Suite) -> str:
-        """A digest of everything but the ground that determines the rows of a suite. Its name is not a part."""
+        """Hash everything but the ground that determines the rows of a suite; the suite's name is left out."""
         design = self.design
         lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without a lamp keep their keys
         return make_json_digest(
@@ -101,7 +101,7 @@ def draw_grounds(design: Design, seed: int, grounds: int, landforms: int) -> lis
 
 
 def measure_suites(study: Study, recipes: Sequence[Recipe], log: RowLog, on_event: Event) -> list[Row]:
-    """The rows of all suites on all grounds, ground by ground; missing ones are made and logged at once."""
+    """Return the rows of all suites on all grounds, ground by ground; missing rows are measured and logged at once."""
     rows: list[Row] = []
     warm: set[str] = set()
     total = len(recipes) * len(study.design.suites)
@@ -215,7 +215,7 @@ class _OpenGround:
         return self._workspaces[camera]
 
     def _prepare(self, settings: Settings, sun: int) -> PreparedPair:
-        """The pair of a camera under a Sun of the ground, with its own noise of light and sensor."""
+        """Make a camera's pair under one Sun of the ground, with independent noise of light and sensor."""
         where = make_json_digest(settings), sun
         if where not in self._pairs:
             light = draw_sun(self._recipe, sun, self._study.design.variety)

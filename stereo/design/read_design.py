@@ -83,7 +83,7 @@ class Suite:
 
 @dataclass(frozen=True)
 class Design:
-    """A design as its file states it. ``sources`` are by the names of its numbers."""
+    """The content of a design's file. ``sources`` are by the names of its numbers."""
 
     path: Path
     text: str

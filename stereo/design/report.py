@@ -181,7 +181,7 @@ def _list_differences(design: Design, bounds: Mapping[str, Any]) -> list[dict[st
 
 
 def _make_front_sentences(suites: Sequence[_Row]) -> Iterable[str]:
-    """The least risk, and the place of each suite."""
+    """Make sentences on the least risk and on the rank of each suite."""
     if not suites:
         return
     best = min(suites, key=lambda entry: entry[RISK]["mean"])
@@ -214,7 +214,7 @@ def _show(value: float | None) -> str:
 
 
 def _make_ranking_sentences(ranking: _Row | None, landforms: Measured) -> Iterable[str]:
-    """Whether the ranking by risk is the same on held-out landforms."""
+    """Make sentences on whether the ranking by risk is the same on held-out landforms."""
     if ranking is None:
         return
     low, high = ranking["interval"]
@@ -293,7 +293,7 @@ def _show_rounded_interval(found: _Row) -> str:
 
 
 def _describe_place(entry: _Row) -> str:
-    """The place of a suite, with those that beat it."""
+    """Describe the rank of a suite, with the suites that beat it."""
     return f"beaten by {', '.join(entry['beaten_by'])}" if entry["place"] == BEATEN else str(entry["place"])
 
 
@@ -334,12 +334,12 @@ def _render_page(report: _Row) -> str:
         cells=list_cells,
         describe=describe_method,
         charts=[_draw_front(report["suites"], *each) for each in _CHARTS] if report["suites"] else [],
-        stated=_list_stated(report),
+        stated=_list_sourced_numbers(report),
     )
 
 
-def _list_stated(report: _Row) -> list[tuple[str, str, str]]:
-    """The stated numbers with their sources."""
+def _list_sourced_numbers(report: _Row) -> list[tuple[str, str, str]]:
+    """List the numbers of the design file with their sources."""
     numbers = {"design.abstain_loss": report["abstain_loss"]} | {
         f"{table}.{key}": value for table in ("costs", "lamp") for key, value in (report[table] or {}).items()
     }

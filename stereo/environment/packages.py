@@ -75,7 +75,7 @@ def require_modules(*modules: str) -> None:
 
 
 def format_requirement(module: str) -> str:
-    """A package with its bounds, as pip takes it."""
+    """Format a package with its version bounds as a pip requirement."""
     distribution, oldest, untested = PACKAGES[module]
     return f"{distribution}>={'.'.join(map(str, oldest))},<{untested}"
 

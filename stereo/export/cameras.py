@@ -43,8 +43,8 @@ def refuse_row_poses(pair: LoadedPair) -> None:
 
 
 def read_pose(pair: LoadedPair, eye: str) -> Array:
-    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair lacks it, or if its rows
-    have different ones."""
+    """Read the matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair lacks it, or if image
+    rows have different matrices."""
     refuse_row_poses(pair)
     return read_middle_pose(pair, eye)
 

@@ -52,8 +52,8 @@ def encode_flo(flow_px: Array) -> bytes:
 
 
 def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
-    """A flow (H, W, 2) as KITTI's uint16 (H, W, 3) in the order B, G, R: known, rows, columns, of 64 steps per px from
-    -512 px on; and the loss, flow beyond 512 px."""
+    """Quantise a flow (H, W, 2), px, to KITTI's uint16 (H, W, 3) in the order B, G, R: known, rows, columns, of 64
+    steps per px from -512 px on; and the loss, flow beyond 512 px."""
     with np.errstate(invalid="ignore"):
         steps = np.rint(flow_px * _FLOW_STEPS_PER_PX) + 32768
         fits = ((steps >= 0) & (steps <= _MOST_STEPS)).all(axis=-1)  # False for NaN
@@ -67,7 +67,7 @@ def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
 
 
 def encode_run_lengths(pixels: Array, count: int) -> list[int]:
-    """COCO's uncompressed run lengths of a mask: alternating runs of zeros and ones, column by column.
+    """Encode a mask by COCO's uncompressed run lengths: alternating runs of zeros and ones, column by column.
 
     ``pixels`` are the ascending indices of the mask's pixels, in the same order, in an image of ``count`` pixels.
     """

@@ -91,7 +91,7 @@ def write_grounds(
 
 
 def read_geometry(folder: Path) -> dict[str, Any]:
-    """The content of an exported ground's ``geometry.json``; ``left_out`` are sentences on the omissions of its files.
+    """Read an exported ground's ``geometry.json``; ``left_out`` are sentences on the omissions of its files.
 
     Raises IcyMoonError if it is missing or damaged.
     """

@@ -158,8 +158,8 @@ def _refuse_missing(path: Path, part: Mapping[str, Array], names: Collection[str
 def _find_waves(
     part: Mapping[str, Array], facts: Mapping[str, Any], kept: Array | slice, start: str = ""
 ) -> Waves | None:
-    """Where the waveforms of the kept points are, from the arrays whose names begin with ``start``. Raises IcyMoonError
-    for places that the waveforms lack."""
+    """Return the indices of the kept points' waveforms, from the arrays whose names begin with ``start``. Raises
+    IcyMoonError for an index beyond the waveforms."""
     stated = facts.get("waveforms")
     if not stated:
         return None
@@ -275,7 +275,7 @@ def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def _make_header(laspy: Any, facts: Mapping[str, Any], frame: MapFrame | None) -> Any:
-    """The header of a LAS file: its record, coordinates, extra dimensions and place on a map."""
+    """Make the header of a LAS file: point format, coordinates, extra dimensions and position on a map."""
     site = facts.get("site")
     header = laspy.LasHeader(point_format=9 if facts.get("waveforms") else 6, version="1.4")
     header.generating_software = "Icy Moon"

@@ -47,7 +47,7 @@ _TUM_STEPS_PER_M = 5000.0
 
 @dataclass
 class _Sequence:
-    """The known part of a sequence: its number, and a line of each frame for each of its lists."""
+    """The frames of a sequence so far: its number, and one line per frame for each list file."""
 
     number: int
     lines: dict[str, list[str]] = field(default_factory=dict)

@@ -12,8 +12,8 @@ from ...support.system import flush, remove_folder, replace
 
 @contextmanager
 def fill_whole_folder(target: Path) -> Iterator[Path]:
-    """A folder to fill. Its files are moved to ``target`` after all of them are written, so that no incomplete file
-    appears there.
+    """Yield a folder to fill, and move its files to ``target`` once all are written, so that no incomplete file appears
+    there.
 
     The folder is beside ``target``.
     """

@@ -145,8 +145,8 @@ def _gather(stereo: Array, prior: Array, interpolation: Interpolation, points: R
 
 
 def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool) -> tuple[Array, Array]:
-    """At each point, from the errors of its neighbours and with ``own`` also its own: the number of stereo's wrong
-    disparities over the expected number, and the scale of the interpolation's errors in px."""
+    """Return two values at each point, from its neighbours' errors and with ``own`` also its own error: stereo's wrong
+    disparities over their expected number, and the scale of the interpolation's errors in px."""
     wrong, due = evidence.wrong, evidence.rejected * evidence.has
     level = (wrong.sum() + _WEIGHT_WRONG) / (due.sum() + _WEIGHT_WRONG)
     near = interpolation.add_neighbours(wrong, own), interpolation.add_neighbours(due, own)
@@ -160,7 +160,7 @@ def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, o
 
 
 def _measure_stereo(evidence: _Evidence, span_px: float) -> tuple[float, float]:
-    """The standard deviation of stereo's errors where it is not wrong, and the mean size of the others, px."""
+    """Measure the standard deviation of stereo's right disparities and the mean error of the wrong ones, in px."""
     wrong = evidence.wrong > 0
     sound = evidence.has & ~wrong
     square = (evidence.stereo**2 - evidence.noise_px**2)[sound].clip(0, _WRONG_PX**2)
@@ -189,6 +189,6 @@ def _student_density(value: Array, scale: Array) -> Array:
 
 
 def _student_tail(value: Array) -> Array:
-    """The probability that a value of Student's law with 3 degrees of freedom is farther from 0."""
+    """Return the probability that a value of Student's t distribution with 3 degrees of freedom is farther from 0."""
     part = value / math.sqrt(3)
     return np.asarray(1 - 2 / math.pi * (part / (1 + part**2) + np.arctan(part)))

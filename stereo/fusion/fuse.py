@@ -36,7 +36,7 @@ def match_method(
     pair: SeenPair,
     truth: Array,
 ) -> tuple[Array, dict[str, Any]]:
-    """The disparity, float32 (H, W) px, NaN where invalid, of a method, and the ``info`` of ``match_checked``.
+    """Return a method's disparity, float32 (H, W) px, NaN where invalid, and the ``info`` of ``match_checked``.
 
     Range points are samples of the ``truth`` (H, W), planar metres, of a ``pair``, or its scan; ``camera`` is the one
     by which disparities become depths. Raises IcyMoonError as ``match_checked`` and ``range_points`` do.
@@ -79,7 +79,7 @@ def _match_guided(
     expected: Array,
     random: np.random.Generator,
 ) -> tuple[Array, dict[str, Any]]:
-    """The disparity of the matcher, helped as the option ``guide`` asks."""
+    """Run the matcher, guided by range points as the option ``guide`` asks; return disparity and ``info``."""
     assert method.lidar is not None
     guide, options = method.lidar["guide"], dict(method.options)
     if guide == PAINT:

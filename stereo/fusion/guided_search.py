@@ -12,8 +12,8 @@ from ...support.arrays import Array
 
 
 def move_right(right: Array, expected: Array, margin_px: int) -> Array:
-    """The right image (H, W) or (H, W, 3) as uint8, moved so that the match of a left pixel is ``margin_px`` columns to
-    its left if its disparity is the expected one."""
+    """Warp the right image (H, W) or (H, W, 3) to uint8 such that the match of a left pixel with the ``expected``
+    disparity is ``margin_px`` columns to its left."""
     rows, columns = np.indices(expected.shape)
     beside = np.clip(columns + margin_px, 0, expected.shape[1] - 1)
     place = np.clip(columns + margin_px - expected[rows, beside], 0, expected.shape[1] - 1)
@@ -26,8 +26,8 @@ def move_right(right: Array, expected: Array, margin_px: int) -> Array:
 
 
 def restore_disparity(found: Array, expected: Array, margin_px: int) -> Array:
-    """The disparity (H, W) of the left image, from the disparity ``found`` in the moved right image, both in px; NaN
-    where nothing was found.
+    """Convert the disparity ``found`` in the moved right image to the left image's disparity (H, W), both in px; NaN
+    where the matcher has none.
 
     A left pixel u that matches the column x of the moved image sees the right column x + margin - expected(x + margin).
     """

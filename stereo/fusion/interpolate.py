@@ -209,8 +209,8 @@ def _design(column: Array, row: Array) -> Array:
 
 
 def _fit_plane(design: Array, values: Array) -> tuple[Array, Array]:
-    """The least-squares plane (3,) of values (n,) for a ``design`` (n, 3), and the inverse (3, 3) of its normal
-    equations.
+    """Fit a least-squares plane (3,) to values (n,) with a ``design`` matrix (n, 3); return it and the inverse (3, 3)
+    of the normal matrix.
 
     The products are summed row by row: with BLAS their last bits depend on where arrays lie in memory.
     """
@@ -236,7 +236,7 @@ def _fit_triangles(triangles: Array, column: Array, row: Array, disparity: Array
 def _find_nearest_on_segment(
     column: Any, row: Any, from_column: Any, from_row: Any, to_column: Any, to_row: Any
 ) -> tuple[Array, Array]:
-    """The square of the distance to a segment, and the share of the way along it, of the nearest place on it."""
+    """Return, for the nearest point of a segment, its squared distance and its relative position along the segment."""
     dx, dy = to_column - from_column, to_row - from_row
     share = np.clip(((column - from_column) * dx + (row - from_row) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
     return (column - from_column - share * dx) ** 2 + (row - from_row - share * dy) ** 2, share

@@ -16,7 +16,7 @@ PAINT_SHARE = 0.4
 
 
 def find_hidden(points: RangePoints, half_px: int) -> Array:
-    """Boolean (n,): nearer points cover the point's patch in the right image, so the right eye may not see it.
+    """Return boolean (n,): nearer points cover the point's patch in the right image, so the right eye may not see it.
 
     A nearer point covers it if their patches overlap there, and not in the left image. Neighbours on one surface keep
     their order, and their patches overlap in both.

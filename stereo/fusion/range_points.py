@@ -62,7 +62,7 @@ class RangePoints:
 
 
 def sample_depth(truth: Array, camera: StereoCamera, count: int, random: np.random.Generator) -> Array:
-    """Points (count, 3) of a true depth (H, W), in m in the axes of the left eye, x right, y down.
+    """Sample points (count, 3) of a true depth (H, W), in m in the axes of the left eye, x right, y down.
 
     They lie at the centres of pixels, each pixel with a depth as likely as any other. The first points of a larger
     ``count`` are those of a smaller one. Raises IcyMoonError if fewer pixels have a depth.
@@ -81,7 +81,7 @@ def sample_depth(truth: Array, camera: StereoCamera, count: int, random: np.rand
 
 
 def read_scan(folder: Path, pair: SeenPair, truth: Array) -> Array:
-    """Points (n, 3) in m in the axes of the left eye, of the scan of a pair in ``folder/NAME/lidar.npz``.
+    """Read the scan of a pair, ``folder/NAME/lidar.npz``, as points (n, 3) in m in the axes of the left eye.
 
     Raises IcyMoonError if there is no such scan, if the pair states no pose, or if none of the points, or other depths
     than the true ones, lie in the left image.
@@ -146,7 +146,7 @@ def _find_pixels(points_m: Array, camera: StereoCamera, shape: tuple[int, ...]) 
 
 
 def _are_inside(column: Array, row: Array, shape: tuple[int, ...]) -> Array:
-    """Whether places are between the centres of the outermost pixels; a place is known to 1e-6 px."""
+    """Return whether positions lie between the centres of the outermost pixels, with a tolerance of 1e-6 px."""
     high, wide = shape[0] - 1, shape[1] - 1
     return np.asarray((np.abs(column - wide / 2) <= wide / 2 + 1e-6) & (np.abs(row - high / 2) <= high / 2 + 1e-6))
 
@@ -154,9 +154,9 @@ def _are_inside(column: Array, row: Array, shape: tuple[int, ...]) -> Array:
 def project_points(
     points_m: Array, camera: StereoCamera, shape: tuple[int, ...], errors: PointErrors, random: np.random.Generator
 ) -> RangePoints:
-    """Range points of places (n, 3), m, in the axes of the left eye, as a stereo camera with errors places them.
+    """Project points (n, 3), m, in the axes of the left eye, to range points of a stereo camera with ``errors``.
 
-    Points that leave the image are left out, and so are the farther ones of several at one place of the image. Raises
+    Points that leave the image are left out, and so are the farther ones of several at one image position. Raises
     IcyMoonError if fewer than ``FEWEST_POINTS`` are left.
     """
     angle = random.uniform(0, 2 * np.pi)

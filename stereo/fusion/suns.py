@@ -14,10 +14,10 @@ FEWEST_AGREEING = 2
 
 
 def join_disparities(disparities: Array) -> Array:
-    """The disparity (H, W), px, of maps (n, H, W) of one view: the mean of those that agree with their median.
+    """Join disparity maps (n, H, W) of one view into one (H, W), px: the mean of the values that agree with the median.
 
     It is NaN where fewer than ``FEWEST_AGREEING`` agree; a single map is returned as it is. The median of an even
-    number is the lower of its middle two, so that two matches that contradict each other do not agree on a place
+    number is the lower of its middle two, so that two matches that contradict each other do not agree on a value
     between them.
     """
     if len(disparities) == 1:

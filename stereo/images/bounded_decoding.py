@@ -49,7 +49,7 @@ _ONE_THREAD_ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1",
 
 
 def decode(image: EncodedImage) -> Array:
-    """The pixels of an image, (H, W) or (H, W, 3 or 4), as OpenCV gives them.
+    """Decode an image to pixels (H, W) or (H, W, 3 or 4) in OpenCV's order of channels.
 
     Raises ValueError if it is damaged, RefusedError if it cannot be decoded within the bounds.
     """

@@ -28,7 +28,7 @@ def find_scene_depth(view: Truth) -> Array:
 def find_visible_in_right(
     left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
 ) -> Array:
-    """Pixels (H, W), bool, of the left eye whose point is inside the right image and not hidden there.
+    """Return the left eye's pixels (H, W), bool, whose point is inside the right image and not hidden there.
 
     Both depths are planar, m, NaN for sky; sky is not visible. ``hidden`` (H, W), bool, marks the points that rays
     found hidden at the render. Without it, hidden points are estimated: the right image shows a nearer surface there.

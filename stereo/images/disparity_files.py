@@ -43,8 +43,8 @@ def encode_confidences(confidences: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def read_confidence(path: Path, shape: tuple[int, ...], measure: str = _OWN) -> Array | None:
-    """The confidence, float32 from 0 to 1, that is stored beside a disparity; None if there is none, or it is damaged
-    or of another shape. The largest number of its type is 1."""
+    """Read the confidence, float32 from 0 to 1, beside a disparity; None if the file is missing, damaged or of another
+    shape. Integers are divided by the largest number of their type."""
     stored = _read_array(path, _name_confidence(measure), _VALUE_BYTES * math.prod(shape) + _HEADER_BYTES)
     if stored is None or stored.shape != shape or stored.dtype.kind != "u":
         return None

@@ -107,7 +107,7 @@ def read_depth(path: Path, eye: str | None = None) -> Truth:
 
 
 def read_distances(path: Path) -> Truth:
-    """The truth of a camera beside a pair, with the distance along the rays of its pixels in place of depth.
+    """Read the truth of a camera beside a pair, with the distance along its pixels' rays, m, in place of depth.
 
     Raises IcyMoonError if the file is missing, damaged or lacks distances.
     """
@@ -152,7 +152,7 @@ def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
 
 
 def _make_light(channels: _Channels, path: Path, groups: bool) -> Light:
-    """The light, with or without its ``groups``. Without a stored image it is the sum of the groups."""
+    """Make the light from its channels, with or without its ``groups``. Without a stored image, sum the groups."""
     found = {
         group: _find_radiance(channels, f"Combined_{group}", path)
         for group in (*LIGHT_GROUPS, *LAMP_GROUPS)
@@ -197,7 +197,7 @@ def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
 def _read_parts(
     path: Path, passes: Collection[str], without: Collection[str], rows: range | None
 ) -> list[tuple[str, dict[str, Array]]]:
-    """For each part of a file its view, if it states one, and its channels by name."""
+    """Read each part of a file: its view (empty without one) and its channels by name."""
     if rows is None:
         return _read_with_openexr(path, passes, without)
     data, before = _read_file(

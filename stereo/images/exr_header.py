@@ -18,7 +18,7 @@ _PIXEL_TYPES = ("u4", "f2", "f4")
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel of one of the parts of an EXR file, and its size and type."""
+    """A channel of one part of an EXR file, with its size and type."""
 
     part: int
     name: str
@@ -43,8 +43,8 @@ class Channel:
 
 
 def parse_channels(foreign: ForeignBytes) -> list[Channel]:
-    """All channels that a file states. The pixels of all of them are charged, since a library decodes a part as a
-    whole.
+    """Parse all channels of a file's header. The pixels of all count against the budget, since a library decodes whole
+    parts.
 
     Raises ValueError or struct.error for a torn file, RefusedError and OverBudgetError for an unsupported one.
     """

@@ -13,8 +13,8 @@ from ...support.labels import GROUP_PASSES, IMAGE_PASS
 
 
 def keep_passes(data: bytes, passes: Collection[str]) -> bytes:
-    """The EXR file ``data`` with only the parts that contain ``passes`` (``LAYER.PASS``), or with all parts if none
-    does.
+    """Return the EXR file ``data`` with only the parts that contain ``passes`` (``LAYER.PASS``), or with all parts if
+    no part does.
 
     If no image is stored, the light groups count as the image. Raises ValueError, KeyError or OverBudgetError if it is
     no EXR file of scan lines.
@@ -26,7 +26,7 @@ def keep_passes(data: bytes, passes: Collection[str]) -> bytes:
 
 
 def remove_passes(data: bytes, passes: Collection[str]) -> bytes:
-    """The EXR file ``data`` without the parts that contain one of ``passes`` (``LAYER.PASS``) and nothing else.
+    """Return the EXR file ``data`` without the parts that contain only ``passes`` (``LAYER.PASS``).
 
     The light groups stay if the image is not stored. Raises as ``keep_passes`` does.
     """
@@ -50,8 +50,8 @@ def _keep_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], 
 
 
 def keep_row_chunks(data: bytes, rows: range) -> tuple[bytes, int]:
-    """The EXR file ``data`` with only the chunks that contain some of ``rows``, and the number of rows before the first
-    chunk.
+    """Return the EXR file ``data`` with only the chunks that contain some of ``rows``, and the number of rows before
+    the first chunk.
 
     Raises as ``keep_passes`` does, and ValueError for parts with different chunks, or without these rows.
     """

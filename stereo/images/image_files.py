@@ -82,7 +82,7 @@ def read_picture(path: Path) -> Array:
 
 
 def read_pfm(path: Path, colours: bool = False) -> Array:
-    """A grey PFM file as float32 (H, W), or with ``colours`` any as (H, W) or (H, W, 3), top row first.
+    """Read a grey PFM file as float32 (H, W), or with ``colours`` any PFM as (H, W) or (H, W, 3), top row first.
 
     The sign of its scale gives the byte order; values are not scaled. Raises IcyMoonError if it is missing, of another
     kind, damaged or too large.
@@ -93,7 +93,7 @@ def read_pfm(path: Path, colours: bool = False) -> Array:
 
 
 def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
-    """The values of a PFM file, see ``read_pfm``.
+    """Parse the values of a PFM file, see ``read_pfm``.
 
     Raises RefusedError for another kind of file and for an ambiguous one, ValueError if it is damaged.
     """
@@ -121,7 +121,7 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
 
 
 def _skip_spaces(head: bytes, at: int) -> int:
-    """The place of the next word of a header; lines that begin with # are comments."""
+    """Return the offset of the next word of a header; lines that begin with # are comments."""
     while at < len(head):
         if head[at] in _WHITESPACE:
             at += 1
@@ -133,10 +133,10 @@ def _skip_spaces(head: bytes, at: int) -> int:
 
 
 def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
-    """The offset at which the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word,
-    come one blank, or a line end with comments, and sometimes a line end after the body.
+    """Find the offset at which the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last
+    word, come one blank, or a line end with comments, and sometimes a line end after the body.
 
-    The size of the file decides. Raises RefusedError if two places are possible, ValueError if none is.
+    The size of the file decides. Raises RefusedError if two offsets are possible, ValueError if none is.
     """
     last = foreign.part(max(0, foreign.size - 2), min(2, foreign.size))
     windows = head[2:4] == b"\r\n"  # lines end with "\r\n" from the first line on
@@ -156,7 +156,7 @@ def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> 
 
 
 def _is_header_gap(gap: bytes, windows: bool) -> bool:
-    """Whether bytes may stand between the header of a PFM and its body. With Windows' line ends, a single carriage
+    """Return whether bytes may separate the header of a PFM from its body. With Windows' line ends, a single carriage
     return is half of a line end.
     """
     if len(gap) == 1:

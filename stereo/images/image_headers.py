@@ -69,7 +69,7 @@ def is_webp(start: bytes) -> bool:
 
 
 def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
-    """The number of pixels of a stated size. Raises RefusedError if it is 0 or too large."""
+    """Return the number of pixels of a size from a header. Raises RefusedError if it is 0 or too large."""
     most = MOST_PIXELS if most_pixels is None else most_pixels
     if width < 1 or height < 1:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
@@ -93,7 +93,7 @@ def parse_image(foreign: ForeignBytes) -> EncodedImage:
 
 
 def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedImage:
-    """A PNG image, reduced to the chunks that affect its pixels.
+    """Reduce a PNG image to the chunks that affect its pixels.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
@@ -127,7 +127,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
 
 
 def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
-    """A JPEG image up to its end mark, since phones and drones write more data after it.
+    """Cut a JPEG image at its end mark, since phones and drones write more data after it.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
@@ -199,7 +199,7 @@ def _find_end_of_scan(values: Array, at: int) -> int:
 
 
 def parse_webp(foreign: ForeignBytes) -> EncodedImage:
-    """A WebP image, reduced to the chunks that affect its pixels.
+    """Reduce a WebP image to the chunks that affect its pixels.
 
     Raises ValueError if it is torn, RefusedError for an animation, and the errors of ``parse_png`` if it is too large.
     """

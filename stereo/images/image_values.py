@@ -13,7 +13,7 @@ _WHITE_QUANTILE = 0.995
 
 
 def to_8_bit(image: Array) -> Array:
-    """A uint8 image as it is; a uint16 one scaled to 8 bits."""
+    """Scale a uint16 image to uint8; a uint8 image is returned unchanged."""
     if image.dtype != np.uint16:
         return np.ascontiguousarray(image)
     scaled = np.empty(image.shape, np.uint8)

@@ -134,7 +134,7 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 
 @lru_cache(maxsize=2)
 def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
-    """The lens of a calibrated eye whose rendered image is the one of the parallel rig, or its panorama."""
+    """Make the lens of a calibrated eye that was rendered by the parallel rig, or as a panorama."""
     rays = _rectified_rays(camera)
     return Lens(
         project_to_light(find_rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),

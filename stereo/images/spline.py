@@ -55,7 +55,7 @@ def _filter(image: Array) -> Array:
 
 
 def _find_weights(along: Array, size: int) -> tuple[list[Array], list[Array]]:
-    """The four pixels beside places along an axis, mirrored at the borders, and their weights."""
+    """Find the four pixels around positions along an axis, mirrored at the borders, and their weights."""
     first = np.floor(along).astype(np.intp)
     t = along - first
     weights = [(1 - t) ** 3 / 6, 2 / 3 - t**2 * (2 - t) / 2, 2 / 3 - (1 - t) ** 2 * (1 + t) / 2, t**3 / 6]

@@ -86,7 +86,7 @@ def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, 
 
 
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
-    """A function that resamples an image of an eye's rendered pixels to the parallel rig."""
+    """Make a function that resamples an image of an eye's rendered pixels to the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
     camera = pair.camera if pair.camera.panorama else replace(pair.camera, eyes=None)
     lens = make_lens(camera, plain, eye)

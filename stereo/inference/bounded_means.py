@@ -39,11 +39,11 @@ def _bound_below(values: Array, doubt: float) -> float:
     low, high = 0.0, float(values.mean()) if len(values) else 0.0
     while high - low > _ROUNDING:
         middle = (low + high) / 2
-        low, high = (middle, high) if _bet(values, middle) > -math.log(doubt) else (low, middle)
+        low, high = (middle, high) if _compute_log_capital(values, middle) > -math.log(doubt) else (low, middle)
     return low
 
 
-def _bet(values: Array, mean: float) -> float:
+def _compute_log_capital(values: Array, mean: float) -> float:
     """The logarithm of the mean capital after bets that the mean of ``values`` is above ``mean``."""
     grown = np.log1p(_SHARES[:, None] * (values[None] / mean - 1.0)).sum(axis=1)
     most = float(grown.max())

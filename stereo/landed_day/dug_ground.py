@@ -41,7 +41,7 @@ def _measure_heights(ground: Ground, grid: ExcavationGrid) -> Array:
 
 
 def dig_ground(untouched: Ground, series: ExcavationSeries, state: int) -> Ground:
-    """The ground in a state of an excavation, with a new tracer. Rocks keep their places."""
+    """Make the ground in a state of an excavation, with a new tracer. Rocks do not move."""
     own, *others = untouched.world.placed
     shape = _join_patch(own.shape, series.site.grid, series.at(state).layers.top)
     world = World([Placed(shape, own.places, own.numbers), *others])

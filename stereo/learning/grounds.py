@@ -240,7 +240,7 @@ def _choose_settings(terrain: str, rocks: str, own: Settings | None) -> tuple[Se
 
 
 def _draw_law(random: np.random.Generator) -> tuple[str, LawOfAlbedo, float]:
-    """A law of light scattering: its name, itself, and the mean of its albedo."""
+    """Draw a law of light scattering: its name, the law, and its mean albedo."""
     name = str(random.choice(["LAMBERT", "LUNAR_LAMBERT", "SNOW", "HAPKE"], p=[0.4, 0.25, 0.2, 0.15]))
     if name == "SNOW":
         return name, snow_law, float(random.uniform(0.85, 0.99))
@@ -269,7 +269,7 @@ def build_ground(recipe: Recipe) -> Ground:
     if recipe.rocks is not None:
         placed += _lay_rocks(recipe.rocks, terrain, seed, recipe.place_m)
     if recipe.shapes:
-        placed += _hang_shapes(recipe, terrain)
+        placed += _place_odd_shapes(recipe, terrain)
     world = World(placed)
     around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     x, y = (centre + 0.4 * f(around) for centre, f in zip(recipe.place_m, _CIRCLE, strict=True))
@@ -343,7 +343,7 @@ def _place_shapes(shapes: tuple[RockShape, ...], which: Array, matrices: Array, 
     ]
 
 
-def _hang_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
+def _place_odd_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
     """Shapes that no ice has, for steps in depth: rods, plates and lumps that stand, lean and hang in the air."""
     random = make_split_generator(recipe.seed, recipe.split, recipe.number, 2)
     shapes = make_rock_shapes(str(random.choice(FAMILIES)), 0.8, 0)[_ROCK_LEVEL]

@@ -38,7 +38,7 @@ class Pattern:
     albedo: Array
     slope: Array
 
-    def look_up(self, points: Array, pixel_m: Array) -> tuple[Array, Array]:
+    def sample(self, points: Array, pixel_m: Array) -> tuple[Array, Array]:
         """Relative deviations (n,) of albedo and gradients (n, 3) of the relief, float32, at ``points`` (n, 3) in
         metres, where a pixel is ``pixel_m`` (n,) wide on the ground."""
         east, north = ((points[:, axis] + _SKEW[axis] * points[:, 2]).astype(np.float32) for axis in (0, 1))

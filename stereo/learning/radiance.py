@@ -148,7 +148,7 @@ def _find_points(ground: Ground, hits: Hits, met: Array, origin: Array, ahead: A
 def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: float) -> tuple[Array, Array]:
     """Albedos (n,) and unit normals (n, 3) with the ground's pattern of albedo and relief."""
     slant = np.maximum(dot_products(seen.normal, seen.back), 0.15)
-    deviation, slope = ground.recipe.pattern.look_up(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
+    deviation, slope = ground.recipe.pattern.sample(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
     normal = normalize(seen.normal - slope + dot_products(slope, seen.normal)[:, None] * seen.normal)
     # A normal that the relief turned away from the eye is turned back until it just faces the eye.
     short = np.maximum(_LEAST_COSINE - dot_products(normal, seen.back), 0.0)
@@ -176,7 +176,8 @@ def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array
 
 
 def _scatter(law: Law, normal: Array, toward: Array, back: Array, irradiance: Array) -> Array:
-    """Radiance (n,) by light from ``toward`` (n, 3) with this irradiance (n,) of facing surfaces."""
+    """Compute the radiance (n,), W/(m² sr), by light from ``toward`` (n, 3) with this irradiance (n,) of facing
+    surfaces."""
     with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the light
         return irradiance * np.where(irradiance > 0, law(*_measure_angles(normal, toward, back)), 0.0)
 

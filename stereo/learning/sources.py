@@ -17,7 +17,7 @@ class GroundSource(Protocol):
         """The samples of a group, as ``MadePairs.make_sample`` gives them."""
 
 
-class SourcesByTurns:
+class RotatingSources:
     """Grounds of several sources, one after the other."""
 
     def __init__(self, sources: Sequence[GroundSource]) -> None:
@@ -25,6 +25,6 @@ class SourcesByTurns:
         self.name = "+".join(each.name for each in sources)
 
     def list_ground(self, number: int) -> Iterator[Mapping[str, Any]]:
-        """The ground of the source whose turn it is."""
+        """Return the samples of this ground, from the sources in rotation."""
         turn, place = divmod(number, len(self._sources))
         return self._sources[place].list_ground(turn)

@@ -32,7 +32,7 @@ def write_record(folder: Path, plan: Mapping[str, Any], rows: Sequence[Mapping[s
 
 
 def make_metadata(plan: Mapping[str, Any], step: int) -> dict[str, str]:
-    """The texts that stand in the file of the weights."""
+    """Make the metadata for the file of the weights."""
     return {"icymoon": version(), "steps": str(step), "plan": json.dumps(plan)}
 
 

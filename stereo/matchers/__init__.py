@@ -40,7 +40,7 @@ _RESERVED_NAMES = (OWN_PREFIX, "prediction", "lidar")
 
 
 def find_plugins() -> Found:
-    """The matchers of this Python."""
+    """Find the matchers that this Python can load."""
     return find_installed("matcher", _RESERVED_NAMES)
 
 
@@ -50,7 +50,7 @@ def list_matcher_names() -> tuple[str, ...]:
 
 
 def get_matcher_title(method: str) -> str:
-    """The title that readers see in place of a matcher's name, in tables, charts, sentences and in the window."""
+    """Return a matcher's title for tables, charts, sentences and the window."""
     return _literal_text(method, "TITLE") or method
 
 

@@ -123,7 +123,7 @@ def judge_matches(found: Search, least: int, most: int, window: int, uncertainty
 
 
 def compute_expected_error(found: Search, disparity: Array, least: int, window: int) -> Array:
-    """The correlator's own expected error, px, float64 in the shape of ``disparity``, the disparity from
+    """Compute the correlator's own estimate of its error, px, float64 in the shape of ``disparity``, the disparity from
     ``judge_matches``; NaN where it has no data. The ``uncertainty`` of ``judge_matches`` limits this error."""
     before, after, score = (scores.astype(np.int64) for scores in (found.before, found.after, found.score))
     measured = disparity != NO_DATA

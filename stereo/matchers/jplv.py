@@ -148,7 +148,7 @@ def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> 
     if level == 0:
         return disparity
     (top, bottom, down), (near, far, along) = (
-        _neighbouring_places(np.arange(size) / 2**level, last - 1)
+        _find_neighbouring_pixels(np.arange(size) / 2**level, last - 1)
         for size, last in zip(shape, disparity.shape, strict=True)
     )
     corners = np.stack([disparity[np.ix_(rows, columns)] for rows in (top, bottom) for columns in (near, far)])
@@ -158,7 +158,7 @@ def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> 
     return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2**level
 
 
-def _neighbouring_places(place: Array, last: int) -> tuple[Array, Array, Array]:
+def _find_neighbouring_pixels(place: Array, last: int) -> tuple[Array, Array, Array]:
     """The integer positions around fractional ones (the same twice for an integer one), and the weight of the
     second."""
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)

@@ -42,7 +42,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class StatedMethod:
+class UncheckedMethod:
     """A method as the user states it: the options are texts, and may be only some of the matcher's options."""
 
     label: str
@@ -114,12 +114,12 @@ def _names_matcher(entry: str, name: str) -> bool:
     return f"{entry.strip()}:".startswith(f"{name}:")
 
 
-def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
+def parse_own_matchers(texts: Sequence[str]) -> dict[str, UncheckedMethod]:
     """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 
     Raises IcyMoonError for any other text.
     """
-    found: dict[str, StatedMethod] = {}
+    found: dict[str, UncheckedMethod] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
         if not (OWN_NAME.fullmatch(name) and method in list_matcher_names()):
@@ -127,7 +127,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
                 f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                 "mine:external:command=PROGRAM; a name has letters, digits, - and _."
             )
-        known = found.setdefault(name, StatedMethod(f"{OWN_PREFIX}:{name}", method))
+        known = found.setdefault(name, UncheckedMethod(f"{OWN_PREFIX}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
         if option:
@@ -136,13 +136,13 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
     return found
 
 
-def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
+def parse_named_methods(texts: Sequence[str]) -> list[UncheckedMethod]:
     """Methods with names of the user's, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
 
     An option ends where a colon and the next known option follow, so a command may contain commas and colons. Raises
     IcyMoonError for any other text, and for a name that is a matcher's or given twice.
     """
-    found: list[StatedMethod] = []
+    found: list[UncheckedMethod] = []
     for text in texts:
         name, equals, rest = (part.strip() for part in text.partition("="))
         matcher, _, options = (part.strip() for part in rest.partition(":"))
@@ -156,7 +156,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
         parts = re.split(rf":(?=(?:{'|'.join(list_option_keys(matcher))})\s*=)", options) if options else []
-        found.append(StatedMethod(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
+        found.append(UncheckedMethod(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
     return found
 
 
@@ -180,13 +180,13 @@ def parse_methods(
         if name == OWN_PREFIX:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
         else:
-            plain = StatedMethod(name, name, shared.get(name, {}))
+            plain = UncheckedMethod(name, name, shared.get(name, {}))
             base = next((each for each in own_names if each.label == name and lidar is not None), plain)
         chosen = base.options | dict(parse_key_value(part, "--methods") for part in given)
         points = None if lidar is None else _parse_lidar_options(lidar)
         if label in (other.label for other in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
-        methods.append(StatedMethod(label, base.name, chosen, points).parsed())
+        methods.append(UncheckedMethod(label, base.name, chosen, points).parsed())
     methods += [each.parsed() for each in own_names]
     if not methods:
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(list_matcher_names())}.")
@@ -219,7 +219,7 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
     return shared
 
 
-def _find_own_matcher(name: str, owned: Mapping[str, StatedMethod]) -> StatedMethod:
+def _find_own_matcher(name: str, owned: Mapping[str, UncheckedMethod]) -> UncheckedMethod:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
         raise IcyMoonError(

@@ -317,7 +317,7 @@ def _find_map(
     place: int,
     factor: float | None,
 ) -> Array:
-    """The map of the size of the images in an output; ``factor`` turns it into px of the network's input, and is None
+    """Find the map of the images' size in an output; ``factor`` converts it to px of the network's input, and is None
     for numbers that are not in px."""
     found = _select_output_map(network, outputs, place, option, run_shape).astype(np.float32)
     if factor is not None:

@@ -150,5 +150,5 @@ def extend_left(image: Array, columns: int) -> Array:
 
 
 def drop_matches_outside_right(disparity: Array) -> Array:
-    """The disparity, with NaN for matches to the left of the right image."""
+    """Replace matches to the left of the right image by NaN in a disparity map (H, W), px."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

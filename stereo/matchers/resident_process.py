@@ -194,7 +194,7 @@ class _Resident:
         matcher = self._program.name.partition(".")[0]
         what, option = ("to be ready", "start_s") if key == "hello" else ("for a pair", "timeout_s")
         raise _ProgramError(
-            f"took more than {limit_s:g} s {what} and was stopped ({self._last_words()}); raise "
+            f"took more than {limit_s:g} s {what} and was stopped ({self._read_last_error()}); raise "
             f"{matcher}.{option} or make it faster."
         )
 
@@ -202,11 +202,11 @@ class _Resident:
         try:
             status = self._process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:
-            return f"closed its output before {before} ({self._last_words()}); keep it open."
+            return f"closed its output before {before} ({self._read_last_error()}); keep it open."
         how = f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
-        return f"{how} before {before} ({self._last_words()}); correct the program."
+        return f"{how} before {before} ({self._read_last_error()}); correct the program."
 
-    def _last_words(self) -> str:
+    def _read_last_error(self) -> str:
         """The last line of its standard error, or else of its output that is not a message."""
         return read_last_line(self._folder / "errors.txt") or self._stray[:300] or "no message"
 

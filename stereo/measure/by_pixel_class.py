@@ -113,7 +113,7 @@ def classify_pixels(
     toward_sun: Sequence[float] | None,
     blocked: Array | None = None,
 ) -> dict[str, Array]:
-    """The class of every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
+    """Classify every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
 
     ``gradient`` is ``measure_texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in
     world axes. ``blocked`` is the light that deposits on the lens block, of 255; None without deposits.

@@ -143,7 +143,7 @@ def keep_shares(sum_errors: Callable[[Array], Array], measured: int) -> list[flo
 
 
 def compute_ause(ordered: _Ordered, best_sums: Array) -> float:
-    """The area under the sparsification error, see ``measure_confidence``, from the sums of the errors in ascending
+    """Compute the area under the sparsification error, see ``measure_confidence``, from sums of the errors in ascending
     order; NaN without an error above 0."""
     if not best_sums.size or not best_sums[-1] > 0:
         return float("nan")
@@ -153,14 +153,14 @@ def compute_ause(ordered: _Ordered, best_sums: Array) -> float:
 
 
 def find_coverage_at(ordered: _Ordered, true_pixels: int) -> float:
-    """The coverage at the stated error, see ``measure_confidence``; NaN without true pixels."""
+    """Find ``coverage_at_bad_2``, see ``measure_confidence``; NaN without true pixels."""
     if not true_pixels:
         return float("nan")
     return float(ordered.ends[ordered.bad <= MOST_BAD_SHARE * ordered.ends].max()) / true_pixels
 
 
 def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:
-    """The error at the stated coverage, see ``measure_confidence``; NaN if fewer pixels are measured."""
+    """Compute ``bad_2_at_90``, see ``measure_confidence``; NaN if fewer pixels are measured."""
     kept = round(KEPT_COVERAGE * true_pixels)
     if not 0 < kept <= ordered.ends[-1]:
         return float("nan")

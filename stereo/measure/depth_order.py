@@ -280,7 +280,7 @@ _LOWEST_BITS = (np.uint64(1) << np.arange(_GROUP_SIZE, dtype=np.uint64)) - np.ui
 
 
 def _pad_into_groups(values: Array, groups: int, rest: int) -> Array:
-    """The values (groups, 64), with ``rest`` after the last one."""
+    """Pad values to an array (groups, 64), with ``rest`` after the last value."""
     padded = np.full(groups * _GROUP_SIZE, rest, values.dtype)
     padded[: values.size] = values
     return padded.reshape(groups, _GROUP_SIZE)

@@ -104,7 +104,7 @@ class MatchedPlaces:
     step: int
 
     def are_enough(self) -> bool:
-        """Whether there are enough matched places for a verdict, in either order of the images."""
+        """Return whether there are enough matched points for a verdict, in either order of the images."""
         return any(
             _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_PLACES_SHARE
             for each in (self.left, self.swapped)
@@ -288,7 +288,7 @@ def warp_to_other_eye(disparity: Array, eye: str) -> Array:
 
 
 def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -> FitFault | None:
-    """The factor that most places agree on, if these are enough."""
+    """Find the factor on which most matched points agree; None if they are too few."""
     thinned = _thin(stated, places.step) / places.step
     with np.errstate(invalid="ignore", divide="ignore"):
         both = np.isfinite(thinned) & (places.left > 2 * _AGREEMENT_PX) & (thinned > 0)

@@ -49,7 +49,7 @@ TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *
 
 
 def is_usable(depth: Array) -> Array:
-    """Where a depth or disparity is finite and positive. Boolean, of the same shape."""
+    """Return where a depth or disparity is finite and positive: boolean, of the same shape."""
     return np.isfinite(depth) & (depth > 0)
 
 

@@ -118,7 +118,7 @@ class PluginMetric:
 
 
 def load_plugin_metrics() -> tuple[list[PluginMetric], list[str]]:
-    """The metrics that can be measured, and a sentence about each that cannot."""
+    """Load the metrics of plug-ins that can be measured, and a sentence about each that cannot."""
     found = find_plugins()
     metrics, faults = [], list(found.refused.values())
     for plugin in found.usable.values():

@@ -99,7 +99,7 @@ class PreparedPair:
 
     @cached_property
     def known(self) -> Array:
-        """Boolean (H, W): the pixel has a true depth."""
+        """Boolean (H, W): whether the pixel has a true depth."""
         return is_usable(self.truth)
 
     @cached_property

@@ -30,7 +30,8 @@ class PaperResults:
     out: Path
 
     def group(self, name: str) -> Array:
-        """Mask (pairs,) of the pairs in a group of the paper's table. Reconstructed ground is a mesh from a file."""
+        """Return the mask (pairs,) of the pairs in a group of the paper's table. Reconstructed ground is a mesh
+        file."""
         from_file = np.array([pair["settings"]["source"]["kind"] != "PROCEDURAL" for pair in self.facts], bool)
         return {"All": np.ones(len(from_file), bool), "Reconstructed": from_file, "Synthetic": ~from_file}[name]
 

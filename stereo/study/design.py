@@ -94,7 +94,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Study:
-    """A study as its file states it."""
+    """The content of a study's file."""
 
     text: str
     title: str
@@ -109,7 +109,7 @@ class Study:
     hypotheses: tuple[Hypothesis, ...]
 
     def pairs_of(self, view: StudyView) -> dict[str, PlannedPair]:
-        """The pair of each recipe."""
+        """Make the pair of each recipe for a view."""
         return {recipe.name: expand_headings(merged(view.settings, recipe.changes))[0] for recipe in self.recipes}
 
     def rounds(self) -> list[list[StudyView]]:
@@ -187,7 +187,7 @@ def _read_grounds(
 
 
 def _read_settings(table: Mapping[str, Any], known: Sequence[str], path: Path) -> Settings:
-    """The settings of a table's preset, with the table's own settings over them."""
+    """Read the settings of a table's preset, overridden by the table's other settings."""
     own = check({key: value for key, value in table.items() if key not in (*known, "preset")}, str(path))
     return merged(load_preset(table["preset"]), own) if table.get("preset") else own
 
@@ -202,7 +202,7 @@ def _check_name(name: str, known: Sequence[str], path: Path) -> None:
 
 
 def _read_hypothesis(table: Mapping[str, Any], path: Path) -> Hypothesis:
-    """The range that a hypothesis states by exactly one of ``above``, ``below`` and ``within``."""
+    """Read the range of a hypothesis from exactly one of ``above``, ``below`` and ``within``."""
     ranges: dict[str, Callable[[float], tuple[float, float]]] = {
         "above": lambda bound: (bound, float("inf")),
         "below": lambda bound: (float("-inf"), bound),

@@ -319,7 +319,8 @@ def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Arra
 
 
 def find_plain_methods(labels: Sequence[str]) -> dict[str, str]:
-    """The methods that join a matcher with range points, and the label of the matcher alone, where it is listed too."""
+    """Find the methods that join a matcher with range points, each with the label of the matcher alone, if listed
+    too."""
     found = {label: split_lidar(label) for label in labels}
     return {
         label: matcher

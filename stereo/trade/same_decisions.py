@@ -148,8 +148,8 @@ def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) 
 
 
 def _is_within(value: float | None, doubt: float | None, most: float) -> bool | None:
-    """Whether a share is within ``most`` of 0 on both sides, including its doubt; None if the doubt crosses the
-    limit.
+    """Return whether a share is within ``most`` of 0 on both sides, including its uncertainty; None if the uncertainty
+    crosses the limit.
     """
     if value is None or doubt is None:
         return None

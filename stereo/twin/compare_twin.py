@@ -228,7 +228,7 @@ def _prepare_images(side: _Images, seen: Mapping[str, Array]) -> tuple[dict[str,
 
 
 def _replace_nan(value: Any) -> Any:
-    """The value with None in place of numbers that are not finite, since JSON lacks these."""
+    """Replace numbers that are not finite by None, since JSON lacks them."""
     if isinstance(value, dict):
         return {key: _replace_nan(each) for key, each in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -66,8 +66,8 @@ class Described:
 
 
 def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
-    """The twin of each pair. Each twin has its own seed and so another ground; the first twin has the seed of the
-    settings.
+    """Plan the twin of each pair. Twins have different seeds and so different grounds; the first has the settings'
+    seed.
 
     Height, pitch and roll follow from the true depth, unless the user states one of them. All files are read. Raises
     IcyMoonError.

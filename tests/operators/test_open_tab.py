@@ -38,7 +38,7 @@ def view(width: int) -> SimpleNamespace:
 def views(monkeypatch):
     small, large = view(100), view(900)
     monkeypatch.setattr(open_tab, "list_areas", lambda kind: [(None, small), (None, large)])
-    monkeypatch.setattr(open_tab._Tries, "left", 5)
+    monkeypatch.setattr(open_tab._RemainingTries, "left", 5)
     return small, large
 
 

@@ -56,7 +56,7 @@ def test_a_redraw_while_a_picture_is_made_asks_for_no_second_one(scene, dataset)
     recent_pairs.find_icon(newest)
     assert recent_pairs.make_next() is not None
     assert recent_pairs.find_icon(newest) is None
-    assert recent_pairs._Making.waiting == ()
+    assert recent_pairs._PictureQueue.waiting == ()
     make_all()
     assert recent_pairs.find_icon(newest) is not None
 

@@ -26,14 +26,14 @@ def shown(scene) -> bool:
 
 def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     evaluated(scene, tmp_path)
-    before = results.kept_results(scene)
+    before = results.read_stored_results(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert results.kept_results(bpy.context.scene) is None
+    assert results.read_stored_results(bpy.context.scene) is None
     assert not shown(bpy.context.scene)
     assert not bpy.ops.icymoon.open_report.poll()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    assert results.kept_results(bpy.context.scene) == before
+    assert results.read_stored_results(bpy.context.scene) == before
     assert shown(bpy.context.scene)
     assert results.list_notes(bpy.context.scene) == ["Of an earlier pair, 2038-06-01 12:34 UTC"]
     bpy.context.scene.icymoon.pairs = f"{PAIR} other"
@@ -143,7 +143,7 @@ def test_typical_differences_are_shown_and_an_older_report_has_none(scene, tmp_p
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
     evaluated(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
-    assert results.kept_results(other) is None
+    assert results.read_stored_results(other) is None
     assert not shown(other)
     copy = scene.copy()
     assert results.list_notes(copy) == results.list_notes(scene)
@@ -288,7 +288,7 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
 )
 def test_what_is_no_result_is_none(scene, text):
     scene.icymoon.results = text
-    assert results.kept_results(scene) is None
+    assert results.read_stored_results(scene) is None
     assert not shown(scene)
 
 
@@ -336,5 +336,5 @@ def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, t
     bpy.data.scenes.new("Other")
     for keeper in keepers:
         keeper({"type": "result", "report": "unused"})
-    assert results.kept_results(bpy.data.scenes["Renamed"]).pairs == (PAIR,)
-    assert results.kept_results(bpy.data.scenes["Other"]) is None
+    assert results.read_stored_results(bpy.data.scenes["Renamed"]).pairs == (PAIR,)
+    assert results.read_stored_results(bpy.data.scenes["Other"]) is None

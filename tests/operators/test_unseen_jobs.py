@@ -74,7 +74,7 @@ class Operator(JobOperator):
 def told(scene, monkeypatch):
     """What is shown where no operator can report."""
     sentences: list[str] = []
-    monkeypatch.setattr(unseen_jobs, "_tell", sentences.append)
+    monkeypatch.setattr(unseen_jobs, "_show_sentence", sentences.append)
     yield sentences
     unseen_jobs._end_all()
     cancel_call(unseen_jobs._look_after_jobs)

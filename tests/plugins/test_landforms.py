@@ -24,7 +24,7 @@ def test_what_it_declares(read):
         ("height_m", "m", 0.0, 5.0),
         ("count", "1", 3, 9),
     ]
-    told = landform.told({"height_m": 2.0, "count": 4, "made_by": "x"}, 7)
+    told = landform.make_plugin_settings({"height_m": 2.0, "count": 4, "made_by": "x"}, 7)
     assert dict(told) == {"height_m": 2.0, "count": 4, "seed": 7}
     x = np.array([[-1.0, 1.0]])
     np.testing.assert_array_equal(landform.heights(x, np.zeros((3, 1)), told), [[0.0, 2.0]] * 3)
@@ -86,11 +86,11 @@ def test_a_length_of_nothing_is_refused(read):
 def test_it_cannot_change_the_points_or_the_settings(read):
     landform = read(LANDFORM.replace("return np.where", "x[:] = 9; return np.where"))
     x = np.zeros(3)
-    landform.heights(x, x, landform.told({"height_m": 1.0, "count": 3}, 0))
+    landform.heights(x, x, landform.make_plugin_settings({"height_m": 1.0, "count": 3}, 0))
     assert not x.any()
     landform = read(LANDFORM.replace("return np.where", "settings['count'] = 9; return np.where"))
     with pytest.raises(IcyMoonError, match="TypeError"):
-        landform.heights(x, x, landform.told({"height_m": 1.0, "count": 3}, 0))
+        landform.heights(x, x, landform.make_plugin_settings({"height_m": 1.0, "count": 3}, 0))
 
 
 def test_a_name_stands_for_the_same_number_for_ever():

@@ -526,7 +526,7 @@ class Runner:
 
     def find_foreign_results(self, scene: bpy.types.Scene) -> Iterator[str]:
         """Results and pairs of a scene that others made."""
-        kept = self.module("operators.results").kept_results(scene)
+        kept = self.module("operators.results").read_stored_results(scene)
         if kept is not None and kept.settings.dataset.seed != scene.icymoon.dataset.seed:
             yield f"{scene.name} has results of another scene"
 
@@ -581,7 +581,7 @@ def is_stale(runner: Runner) -> bool:
 
 
 def is_measured(runner: Runner) -> bool:
-    return runner.module("operators.results").kept_results(runner.scene) is not None
+    return runner.module("operators.results").read_stored_results(runner.scene) is not None
 
 
 def is_same(runner: Runner) -> bool:

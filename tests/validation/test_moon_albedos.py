@@ -46,7 +46,7 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
         moon_albedos.read_preset_law(f"surfaces/hapke_europa_{name}")
         for name in ("bright_plains", "dark_lineae", terrain)
     )
-    ends = [moon_albedos.reflectance_at_five(law) for law in (plains, dark)]
+    ends = [moon_albedos.radiance_factor_at_5_deg(law) for law in (plains, dark)]
     assert fitted.theirs == pytest.approx(ends[0] + share * (ends[1] - ends[0]))
     # The disc is between its two terrains, three tenths of the way.
     bond = [photometry.bond_albedo(law) for law in (plains, mixed)]
@@ -81,4 +81,4 @@ def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away()
 
 def test_reflectance_at_five_of_lamberts_law_is_its_albedo_by_the_cosine():
     # I/F is pi times the radiance of ground under a Sun of irradiance 1 that faces it.
-    assert moon_albedos.reflectance_at_five(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.5)
+    assert moon_albedos.radiance_factor_at_5_deg(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.5)

@@ -38,7 +38,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     y = np.linspace(-_TRIAL_SIZE_M / 2, _TRIAL_SIZE_M / 2, _TRIAL_ROWS)[:, None]
 
     def run(x: Array = x, y: Array = y, seed: int = _SEED, **changes: float) -> Array:
-        return landform.heights(x, y, landform.told(settings | changes, seed))
+        return landform.heights(x, y, landform.make_plugin_settings(settings | changes, seed))
 
     ran, heights = check_making("it returns a height for every point, in metres", run)
     yield ran
@@ -98,5 +98,5 @@ def _describe_finest(landform: PluginLandform, settings: Mapping[str, Any]) -> s
             f"{landform.plugin.title} has no finest_m(settings); write one that returns its smallest length in "
             "metres, or a mesh that is too coarse for it shows noise."
         )
-    landform.finest_m(landform.told(settings, _SEED))
+    landform.finest_m(landform.make_plugin_settings(settings, _SEED))
     return ""

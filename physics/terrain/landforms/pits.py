@@ -62,7 +62,7 @@ _DEBRIS_BURIED = (0.6, 0.3)
 _DEBRIS_BEYOND_TOE = 1.0
 
 
-def _inside_round(u: Array, v: Array, square_m: float, radius_m: float, keys: Sequence[int]) -> Array:
+def _measure_distance_inside(u: Array, v: Array, square_m: float, radius_m: float, keys: Sequence[int]) -> Array:
     """Distance in metres to the rim of round pits, one in each square, positive in a pit; ``u`` and ``v`` are in
     squares."""
     column, row = (np.floor(a).astype(np.int64) for a in (u, v))
@@ -125,7 +125,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
             u, v = x / (length * radius), y / (length * radius)
             bend_x, bend_y = (amount * sample_shifted_noise(u, v, key ^ k) for key in keys[:2])
             x, y = x + bend_x, y + bend_y
-        return _inside_round(x / square, y / square, square, radius, keys)
+        return _measure_distance_inside(x / square, y / square, square, radius, keys)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         inside = inside_m(x_m, y_m)

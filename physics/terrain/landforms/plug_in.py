@@ -42,7 +42,7 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
                 f"{topic}.{RELEASE} to an empty text for other ground."
             )
         seed = int(generator(hash_name(landform.plugin.name)).integers(0, 2**32))
-        made[topic] = _make_landform(landform, landform.told(values, seed))
+        made[topic] = _make_landform(landform, landform.make_plugin_settings(values, seed))
     return made
 
 

@@ -58,7 +58,7 @@ def _crest_noise(noise: Array) -> Array:
 
 
 def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """The plain sum: fractional Brownian motion if the signal is the noise, turbulence if it is its magnitude."""
+    """Sum weighted octaves: fractional Brownian motion if the signal is the noise, turbulence if its magnitude."""
     total = signal(0)
     for k in range(1, octaves):
         total = total + roughness**k * signal(k)

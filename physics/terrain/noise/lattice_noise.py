@@ -117,7 +117,7 @@ class LatticeCells:
         """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
         return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
 
-    def lookup(self, function: Callable[[Array], tuple[Array, ...]]) -> Callable[[int, int], list[Array]]:
+    def make_corner_reader(self, function: Callable[[Array], tuple[Array, ...]]) -> Callable[[int, int], list[Array]]:
         """``f(i, j)`` gives the arrays of a function of the hash at the corner (i, j) from each point's cell."""
         if self._index is None or self._hashes is None:
             ix, iy = self.squares(slice(None))
@@ -130,12 +130,12 @@ class LatticeCells:
             return hash_each
         index, tables = self._index, function(self._hashes)
 
-        def look_up(i: int, j: int) -> list[Array]:
+        def read_corner(i: int, j: int) -> list[Array]:
             start = (j + self._reach) * self._width + i + self._reach
             # "clip" spares the check of the indices, which are in range.
             return [table[start:].take(index, mode="clip") for table in tables]
 
-        return look_up
+        return read_corner
 
 
 def _find_gradients(h: Array) -> tuple[Array, Array]:
@@ -154,7 +154,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
     Continuous with continuous second derivatives, zero at lattice points.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    gradients = cells.lookup(_find_gradients)
+    gradients = cells.make_corner_reader(_find_gradients)
     u, v = quintic_fade(cells.dx), quintic_fade(cells.dy)
     right, above = cells.dx - 1.0, cells.dy - 1.0
 
@@ -177,7 +177,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
 def cell_noise(x: Array, y: Array, key: int) -> Array:
     """A random value in [-1, 1) for each unit square."""
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    (value,) = cells.lookup(_find_value)(0, 0)
+    (value,) = cells.make_corner_reader(_find_value)(0, 0)
     value *= 2.0
     value -= 1.0
     return value
@@ -190,7 +190,7 @@ def value_noise(x: Array, y: Array, key: int) -> Array:
     displacement at points that the coarser octaves only interpolated.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
-    values = cells.lookup(_find_value)
+    values = cells.make_corner_reader(_find_value)
     (a,), (b,), (c,), (d,) = values(0, 0), values(1, 0), values(0, 1), values(1, 1)
     low, high = a + cells.dx * (b - a), c + cells.dx * (d - c)
     return 2.0 * (low + cells.dy * (high - low)) - 1.0

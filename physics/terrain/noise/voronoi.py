@@ -73,8 +73,8 @@ class Voronoi:
 
 
 def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Array]:
-    """Positions for which the 3 x 3 squares may lack one of the two nearest points, judged by ``nearest`` (2, n), the
-    squared distances found in them; and the square (column, row) of each such position."""
+    """Find the positions for which the 3 x 3 squares may lack one of the two nearest points, judged by the squared
+    distances ``nearest`` (2, n) within them; also return each such position's square (column, row)."""
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
     margin += 1.0
     unsure = np.flatnonzero(nearest[1] > margin * margin)
@@ -86,7 +86,7 @@ def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     """Distances F1 and F2 to the two nearest random points, as in ``find_voronoi_cells`` at half its cost."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
-    points = cells.lookup(_find_point)
+    points = cells.make_corner_reader(_find_point)
     nearest = np.full((2, cells.dx.size), np.inf)
     first, second = nearest
 
@@ -119,7 +119,7 @@ def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
     """The nearest of the random points, one in each unit square, to positions in lattice units."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
-    points = cells.lookup(_find_point)
+    points = cells.make_corner_reader(_find_point)
     n = cells.dx.size
     nearest = np.full((2, n), np.inf)  # squared distances
     x1, y1 = np.zeros(n), np.zeros(n)

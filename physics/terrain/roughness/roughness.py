@@ -125,7 +125,7 @@ def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensi
 
 
 def list_stated_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
-    """The statistics that ``terrain`` settings state for the random surface, with the keys of ``Roughness.numbers``.
+    """List the random surface's statistics by the ``terrain`` settings, with the keys of ``Roughness.numbers``.
 
     The RMS height is for endless ground with these octaves. Raises IcyMoonError if the cut-offs contradict each other.
     """
@@ -239,7 +239,7 @@ def _round_digits(values: Array) -> Array:
 
 
 def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.random.Generator) -> RoughSurface:
-    """The random surface that ``terrain`` settings state, on a patch of side ``size_m``.
+    """Make the random surface of ``terrain`` settings on a patch of side ``size_m``.
 
     Raises IcyMoonError if the cut-offs contradict each other.
     """

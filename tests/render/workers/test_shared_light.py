@@ -20,7 +20,7 @@ from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.workers import pair_claims as claims_module
 from icymoon.render.workers import shared_light
 from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, Claims
-from icymoon.render.workers.shared_light import KeptLight, SharedLight, find_stated_light_files
+from icymoon.render.workers.shared_light import SharedLight, StoredLight, find_stated_light_files
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
@@ -53,7 +53,7 @@ class Baker:
         return light(self.level)
 
 
-def get(shared: SharedLight, bake: Callable[[], BakedLight]) -> tuple[KeptLight, float]:
+def get(shared: SharedLight, bake: Callable[[], BakedLight]) -> tuple[StoredLight, float]:
     return shared.get(KEY, VERTICES, 0, bake)
 
 
@@ -61,7 +61,7 @@ def opened(dataset: Path) -> SharedLight:
     return SharedLight(dataset, Claims(dataset))
 
 
-def publish(dataset: Path, name: str, kept: KeptLight | None, **facts: Any) -> Path:
+def publish(dataset: Path, name: str, kept: StoredLight | None, **facts: Any) -> Path:
     """A complete pair that was rendered with this light."""
     folder = write_pair(dataset / "pairs" / name, Scene(), camera(32, 24))
     path = folder / "pair.json"
@@ -128,7 +128,7 @@ def test_brighter_light_in_the_folder_is_not_used(dataset, name, vouched):
 def test_light_of_an_older_version_is_used_by_the_word_of_its_pairs(dataset):
     path, checksum = baked_file.write_baked_light(dataset, KEY, light())
     old = path.rename(path.with_name(f"{KEY}.npz"))
-    publish(dataset, PAIRS[0], KeptLight(light(), f"light/{old.name}", checksum))
+    publish(dataset, PAIRS[0], StoredLight(light(), f"light/{old.name}", checksum))
     bake = Baker(2.0)
     assert get(opened(dataset), bake)[0].file == f"light/{KEY}.npz"
     assert not bake.times
@@ -141,7 +141,7 @@ def test_light_of_an_older_version_is_used_by_the_word_of_its_pairs(dataset):
 def test_of_two_lights_that_pairs_state_the_one_of_most_counts(dataset):
     paths = [baked_file.write_baked_light(dataset, KEY, light(level)) for level in (1.0, 2.0)]
     for name, (path, checksum) in zip(PAIRS, [paths[0], paths[1], paths[1]], strict=True):
-        publish(dataset, name, KeptLight(light(), f"light/{path.name}", checksum))
+        publish(dataset, name, StoredLight(light(), f"light/{path.name}", checksum))
     assert get(opened(dataset), Baker())[0].light.values.max() == 2.0
     paths[1][0].unlink()
     assert get(opened(dataset), Baker())[0].light.values.max() == 1.0
@@ -175,7 +175,7 @@ def test_a_pair_that_found_it_too_noisy_vouches_for_it_too(dataset):
 )
 def test_what_is_no_complete_pair_vouches_for_nothing(dataset, tmp_path, make):
     path, checksum = baked_file.write_baked_light(dataset, KEY, light(8.0))
-    folder = publish(dataset, PAIRS[0], KeptLight(light(), f"light/{path.name}", checksum))
+    folder = publish(dataset, PAIRS[0], StoredLight(light(), f"light/{path.name}", checksum))
     if make == "link":
         folder.symlink_to(folder.rename(tmp_path / "elsewhere"))
     elif make == "link of a file":

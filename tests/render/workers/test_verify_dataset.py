@@ -19,7 +19,7 @@ from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import verify_dataset as verify_module
 from icymoon.render.workers.pair_claims import Claims
-from icymoon.render.workers.shared_light import KeptLight
+from icymoon.render.workers.shared_light import StoredLight
 from icymoon.render.workers.verify_dataset import Findings, Problem, verify_data_set
 from icymoon.settings import description, pair_ids
 from icymoon.support.errors import IcyMoonError
@@ -47,12 +47,12 @@ def rewrite(folder: Path, **changes: Any) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
-def bake(dataset: Path, key: str, level: float = 1.0) -> KeptLight:
+def bake(dataset: Path, key: str, level: float = 1.0) -> StoredLight:
     path, checksum = baked_file.write_baked_light(dataset, key, light(level))
-    return KeptLight(light(level), f"light/{path.name}", checksum)
+    return StoredLight(light(level), f"light/{path.name}", checksum)
 
 
-def state(folder: Path, kept: KeptLight) -> None:
+def state(folder: Path, kept: StoredLight) -> None:
     rewrite(folder, indirect=IndirectLight({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}, 0.01))
 
 
