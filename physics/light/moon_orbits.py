@@ -3,9 +3,10 @@
 Saturn's moons: the theory of Dourneau 1987 (thesis, Bordeaux; also Meeus, Astronomical Algorithms, ch. 46). Jupiter's:
 the largest terms of Lieske's E2 (Meeus, ch. 44). Both count longitudes from the equinox of B1950.
 
-From 2000 to 2060 the moons of Jupiter are within 0.13° of Lainey's L1.2, seen from Jupiter. Until 2039, nine in ten
-places of Saturn's moons are within 0.2°, Mimas' within 0.5°, of polynomials of the Bureau des Longitudes, seen from
-Saturn; later places of Saturn's moons were not compared. Hyperion, Iapetus and small moons are left out.
+From 2000 to 2060 the moons of Jupiter are within 0.13° of Lainey's L1.2, seen from Jupiter. From 1999 to 2039, 95 % of
+the places of Saturn's moons are within 0.2°, Mimas' within 0.5°, of polynomials of the Bureau des Longitudes, seen from
+Saturn along the line of sight from the Earth; later places were not compared. Hyperion, Iapetus and small moons are
+left out.
 """
 
 from __future__ import annotations
