@@ -32,7 +32,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
-from ..support.labels import PLANET, SEMANTIC_NAMES
+from ..support.labels import PLANET, SEMANTIC_NAMES, SKY_TAGS
 from ..support.printer import emit
 from .displaced_vertices import is_moved, open_rendered_mesh
 from .ground_files import make_frame_facts, refuse_too_many_pairs, write_map, write_meshes
@@ -96,7 +96,7 @@ def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, 
             and item.type == "MESH"
             and len(item.data.polygons)
             and _find_label(item.data) != PLANET
-            and item.original.get("icymoon") not in ("planet", "rings", "stars")
+            and item.original.get("icymoon") not in SKY_TAGS
         ):
             yield item, found
 

@@ -30,7 +30,7 @@ from ..support import system
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError, find_first_line
 from ..support.foreign_bytes import OverBudgetError
-from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
+from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, SKY_TAGS, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
 from .pairs.workspace_cells import MOST_CELLS, PLACES_PER_SIDE, Extent
 from .ray_stage import SceneRays
@@ -217,7 +217,7 @@ def _find_top_m(scene: bpy.types.Scene) -> float:
     tops = [0.0]
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
-        far = item.original.get(TAG) in ("planet", "rings", "stars")
+        far = item.original.get(TAG) in SKY_TAGS
         if item.type == "MESH" and len(item.data.polygons) and not far:
             matrix = np.array(found.matrix_world)
             tops.append(float((np.array(item.bound_box) @ matrix[2, :3]).max() + matrix[2, 3]))

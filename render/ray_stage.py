@@ -24,7 +24,7 @@ from ..rays.surface import Tracer
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from ..support.labels import INSTANCE_ATTRIBUTE
+from ..support.labels import INSTANCE_ATTRIBUTE, SKY_TAGS
 from .displaced_vertices import displace_corners, is_moved
 from .mesh_arrays import (
     is_rendered,
@@ -39,7 +39,6 @@ from .truth_without_light import is_opaque
 
 #: Types of objects without a surface.
 _SURFACELESS_TYPES = {"CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
-_SKY_TAGS = ("planet", "rings", "stars")
 _GROUND_TAGS, _ROCK_TAGS = ("terrain",), ("rock", "rock shape")
 
 
@@ -96,7 +95,7 @@ class SceneRays:
         """
         self._refresh()
         stage, roles = self._open_stage(), _GROUND_TAGS + (_ROCK_TAGS if rocks else ())
-        near = [part for part in self._parts if part.role not in _SKY_TAGS]
+        near = [part for part in self._parts if part.role not in SKY_TAGS]
         world = World(
             [
                 placed if part.role in roles else Placed(placed.shape, placed.places[:0], placed.numbers[:0])
@@ -152,7 +151,7 @@ class SceneRays:
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
             assert part.shape is not None
-            made[part.role in _SKY_TAGS].append(
+            made[part.role in SKY_TAGS].append(
                 Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64))
             )
         return World(made[0]), World(made[1])

@@ -44,6 +44,8 @@ def list_rounded_passes(files: str, half_floats: str) -> set[str]:
 #: Names of the values of the semantic channel (material index).
 SEMANTIC_NAMES = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
 TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
+#: Tags of objects in the sky, which follow the camera and are no part of the site.
+SKY_TAGS = ("planet", "rings", "moons", "stars")
 #: Semantic value of a pixel that a turned sensor does not see. Only read and exported data has it, never a pair.
 NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the

@@ -1,4 +1,4 @@
-"""Planet, rings and stars in the sky, as far meshes that emit light.
+"""Planet, rings, moons and stars in the sky, as far meshes that emit light.
 
 Only the camera sees them: lamps light the ground, and the meshes cast no light and no shadows. A mesh has a depth and a
 label where it hides at least half of the light behind it.
@@ -14,6 +14,7 @@ import bmesh
 import bpy
 import numpy as np
 
+from ...physics.light.moon_mesh import MoonMesh
 from ...physics.light.planetshine import Planet, make_disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
@@ -73,6 +74,14 @@ def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bp
         _build_shining_material(name, colour, attributes),
         dip_deg,
     )
+
+
+def build_moons(name: str, moons: MoonMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
+    """The part of the moons above a horizon ``dip_deg`` under the horizontal. Their distances are in proportion to the
+    planet's, so that moon, rings and planet hide each other as in the sky."""
+    attributes = {RADIANCE: moons.radiance * colour, TRANSMISSION: moons.transmission}
+    material = _build_shining_material(name, colour, attributes)
+    return _build_far_mesh(name, DISTANCE_M * moons.vertices, moons.faces, attributes, material, dip_deg)
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:

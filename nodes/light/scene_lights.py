@@ -1,4 +1,4 @@
-"""The lights of a scene: the Sun and the planet, each in a light group, and the stars."""
+"""The lights of a scene: the Sun and the planet, each in a light group, the moons and the stars."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import bpy
 
 from ...formats.map_site import read_site_place
 from ...physics.light.lamps import gives_light
+from ...physics.light.moon_mesh import is_above_horizon, make_moon_mesh
 from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import make_ring_mesh
 from ...physics.light.sky import Sky, check_body, describe_sky
@@ -24,7 +25,7 @@ from ...physics.terrain.skyline import advise_on_skyline
 from ...settings.topics.scene import Settings
 from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
-from .celestial_meshes import build_planet, build_rings, build_stars
+from .celestial_meshes import build_moons, build_planet, build_rings, build_stars
 from .lamps import ROLES as LAMP_ROLES
 from .lamps import build_lamps
 from .planet_lamp import build_planet_light
@@ -32,7 +33,7 @@ from .sun_lamp import build_sun, place_sun
 
 SKY = "icymoon_sky"  # property of the Sun: positions and brightness of the lights
 #: Roles of the objects that shine, without the Sun.
-ROLES = ("planet", "planetshine", "rings", "stars", *LAMP_ROLES)
+ROLES = ("planet", "planetshine", "rings", "moons", "stars", *LAMP_ROLES)
 
 
 def compute_scene_sky(settings: Settings) -> Sky:
@@ -65,11 +66,15 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 
 
 def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
-    """Sentences for the user on a dark sky, hills before the Sun, rings that are not shown and stars of wrong
-    brightness."""
+    """Sentences for the user on a dark sky, hills before the Sun, rings and moons that are not shown and
+    stars of wrong brightness."""
     light, sentences = settings.light, advise_on_skyline(settings, sky.sun, sky.sun_diameter_deg)
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
+    if light.moons and light.directions_from == "ANGLES":
+        sentences.append(
+            "light.moons has no effect, because moons need a date; set light.directions_from to DATE or KERNELS."
+        )
     if light.stars and light.irradiance_band == "CAMERA":
         sentences.append(
             "Stars include all wavelengths, but the Sun only those of the camera; set "
@@ -129,6 +134,9 @@ def _build_lights_but_sun(
         items["rings"] = build_rings(f"{NAME} Rings", rings, colour, dip)
     for item in items.values():
         item.lightgroup = "Planet"
+    moons = [moon for moon in sky.moons if is_above_horizon(moon, pixel_rad, dip)]
+    if moons:
+        items["moons"] = build_moons(f"{NAME} Moons", make_moon_mesh(moons, pixel_rad), colour, dip)
     if light.stars:
         stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
         items["stars"] = build_stars(f"{NAME} Stars", stars, pixel_rad)

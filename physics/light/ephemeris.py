@@ -3,15 +3,15 @@
 From 2000 to 2060 the Sun's direction is within 0.25° (Enceladus) and 0.15° (Europa) of full theories, its distance
 within 0.2 %. The planet swings about its mean place above the moon by twice the eccentricity of the orbit, 0.56° and
 1.06°, above Enceladus by as much again over years. With these terms it is within 0.05° and 0.15° of full theories.
-``spice`` gives exact directions from kernels.
+Other moons are placed relative to the planet, see ``moon_orbits``. ``spice`` gives exact directions from kernels.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
 from .bodies import BODIES, Orbit
+from .moon_orbits import find_moon_places
 
 #: Seconds by which TDB, the time of ephemerides, is ahead of UTC: right from 2017 on, 5 s too many in 2000.
 _TDB_UTC_S = 69.184
@@ -40,6 +41,7 @@ class Positions:
     planet_pole_km: float
     planet_axis: Array
     from_j2000: Array  # (3, 3) from the J2000 equatorial frame
+    moons_km: Mapping[str, Array] = field(default_factory=dict)  # (3,) of other moons from the site, by name
 
     def turned(self, north_deg: float) -> Positions:
         """The same positions in axes whose y is turned so that north is at this angle, clockwise, from y."""
@@ -50,6 +52,7 @@ class Positions:
             planet=turn @ self.planet,
             planet_axis=turn @ self.planet_axis,
             from_j2000=turn @ self.from_j2000,
+            moons_km={name: turn @ place for name, place in self.moons_km.items()},
         )
 
 
@@ -191,9 +194,11 @@ def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Ar
 
 
 def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: float) -> Positions:
-    """Sun and planet over a site of a body in ``bodies.BODIES``. Raises IcyMoonError for any other."""
+    """Sun, planet and its other large moons over a site of a body in ``bodies.BODIES``. Raises IcyMoonError for any
+    other body."""
+    name = body.strip().upper()
     try:
-        moon = BODIES[body.strip().upper()]
+        moon = BODIES[name]
     except KeyError:
         raise IcyMoonError(
             f"light.body is {body!r}; without kernels only {' and '.join(BODIES)} are known; give light.kernels or "
@@ -208,6 +213,7 @@ def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg:
     to_planet = moon.distance_km * ratio * np.array([math.cos(over), math.sin(over), 0.0]) - place
     planet_distance = float(np.linalg.norm(to_planet))
     from_j2000 = axes @ body_frame(moon.orientation(days))
+    places = find_moon_places(moon.parent, days)
     return Positions(
         from_j2000 @ toward_sun / distance,
         distance,
@@ -218,6 +224,7 @@ def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg:
         moon.planet_pole_km,
         axes @ np.array([0.0, 0.0, 1.0]),
         from_j2000,
+        {other: axes @ to_planet + from_j2000 @ place for other, place in places.items() if other != name},
     )
 
 

@@ -283,15 +283,15 @@ _DISC_SECTORS = 384
 _WIDEST_RIM = 0.1
 
 
-def make_disc_mesh(planet: Planet, pixel_rad: float, rings: int = 48) -> DiscMesh:
+def make_disc_mesh(planet: Planet, pixel_rad: float, rings: int = 48, widest_rim: float = _WIDEST_RIM) -> DiscMesh:
     """The planet as a mesh whose outline is within 4e-5 of the ellipsoid's. Its radiance is computed at each pixel.
 
     ``pixel_rad`` is the angle of a pixel in radians. Over this angle, half of it on each side of the limb, the
     transmission rises linearly from 0 to 1, and is 1/2 on the limb: a pixel is covered by the share of the planet in
-    it, so that few light paths find its mean.
+    it, so that few light paths find its mean. The rim is at most ``widest_rim`` radii wide.
     """
     seen = VisibleCap(planet)
-    width = min(pixel_rad, _WIDEST_RIM * seen.shape.radius)
+    width = min(pixel_rad, widest_rim * seen.shape.radius)
     around = np.arange(_DISC_SECTORS) * 2 * np.pi / _DISC_SECTORS
     angle = np.arange(1, rings + 1) * seen.half_angle / rings
     sphere = seen.sphere(*np.meshgrid(angle, around, indexing="ij"))

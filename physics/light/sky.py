@@ -1,4 +1,4 @@
-"""The lights in the sky of the site: the Sun and, if the scene has one, the planet.
+"""The lights in the sky of the site: the Sun and, if the scene has them, the planet and its other moons.
 
 ``light`` is the ``light`` topic of the settings. The local frame is x east, y north, z up, along the normal of the
 body's ellipsoid.
@@ -22,6 +22,7 @@ from .bodies import BODIES
 from .directions import direction_toward
 from .eclipse import compute_hidden_share
 from .ephemeris import Positions
+from .moons import SkyMoon, make_sky_moons
 from .planetshine import Planet, Ring, irradiance_wm2
 from .saturn_rings import RINGS
 from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm2
@@ -49,6 +50,7 @@ class Sky:
     from_j2000: Array  # (3, 3) from the J2000 equatorial to the local frame
     sun_distance_m: float = 0.0  # from the site's origin to a lamp in the Sun's place; 0 for the real Sun
     place: SkyPlace | None = None  # the site of a map that has this sky; None for the place of the ``light`` settings
+    moons: tuple[SkyMoon, ...] = ()  # the nearest first, below the horizon too
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -198,8 +200,13 @@ def _find_positions(light: LightSettings, blend_folder: str | None, place: SkyPl
         ephemeris.refuse_unknown_years(light.date_utc)
         return ephemeris.find_positions(light.body, *site)
     return spice.find_positions(
-        absolute_path(light.kernels, "light.kernels", blend_folder), light.body, light.parent, *site
+        absolute_path(light.kernels, "light.kernels", blend_folder), light.body, light.parent, *site, shows_moons(light)
     )
+
+
+def shows_moons(light: LightSettings) -> bool:
+    """Whether the settings ask for other moons and give their places. They need the planet, which hides them."""
+    return bool(light.moons and light.planet and light.directions_from != "ANGLES")
 
 
 def _sky_at_date(light: LightSettings, blend_folder: str | None, place: SkyPlace | None) -> Sky:
@@ -227,6 +234,7 @@ def _sky_at_date(light: LightSettings, blend_folder: str | None, place: SkyPlace
         compute_hidden_share(planet, diameter),
         at.from_j2000,
         place=place,
+        moons=make_sky_moons(at.moons_km, planet, at.planet_distance_km, diameter) if shows_moons(light) else (),
     )
 
 
@@ -259,4 +267,19 @@ def describe_sky(shown: Sky) -> dict[str, Any]:
             "over_sun": None if math.isinf(shown.planet_over_sun) else shown.planet_over_sun,
             "above_ring_plane_deg": shown.above_ring_plane_deg,
         },
+        **({"moons": [_describe_moon(moon) for moon in shown.moons]} if shown.moons else {}),
+    }
+
+
+def _describe_moon(moon: SkyMoon) -> dict[str, Any]:
+    direction = moon.globe.direction
+    return {
+        "name": moon.name,
+        "direction_to_world": direction.tolist(),
+        "elevation_deg": elevation_deg(direction),
+        "azimuth_deg": azimuth_deg(direction),
+        "phase_deg": moon.globe.phase_deg,
+        "angular_diameter_deg": moon.globe.angular_diameter_deg,
+        "irradiance_wm2": float(moon.irradiance_wm2.mean()),
+        "eclipse": moon.eclipse,
     }

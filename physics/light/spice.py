@@ -1,4 +1,4 @@
-"""Directions of Sun and planet from a site at a date, from the user's SPICE kernels.
+"""Directions of Sun, planet and other moons from a site at a date, from the user's SPICE kernels.
 
 Needs SpiceyPy (``pip install "icymoon[ephemeris]"``), which Blender's Python does not have; it is loaded only if
 kernels are used. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the planets (de440s.bsp) and the
@@ -19,6 +19,7 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import note_on_backslashes
 from .ephemeris import Positions, format_date, local_axes, parse_date
 from .kernels import find_kernels
+from .moons import MOONS
 from .sunlight import AU_KM
 
 
@@ -28,11 +29,19 @@ def has_spice() -> bool:
 
 
 def find_positions(
-    kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
+    kernels: Path,
+    body: str,
+    parent: str,
+    date_utc: str,
+    latitude_deg: float,
+    longitude_deg: float,
+    with_moons: bool = False,
 ) -> Positions:
-    """Sun and planet above a site, with light time and stellar aberration. ``kernels`` is a meta-kernel, or a folder
-    whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and ``parent`` are names that SPICE knows.
-    Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or if the moon belongs to another planet.
+    """Sun and planet above a site, and its other large moons ``with_moons``, with light time and stellar aberration.
+
+    ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
+    ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or
+    if the moon belongs to another planet.
     """
     if not has_spice():
         raise IcyMoonError(
@@ -51,7 +60,7 @@ def find_positions(
         for path in find_kernels(kernels):
             spice.furnsh(str(path))
         return _find_positions(
-            spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg
+            spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg, with_moons
         )
     except spice.utils.exceptions.SpiceyError as error:
         said = " ".join((getattr(error, "long", "") or str(error)).split(". ")[0].split()).rstrip(".")
@@ -64,7 +73,13 @@ def find_positions(
 
 
 def _find_positions(
-    spice: ModuleType, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
+    spice: ModuleType,
+    body: str,
+    parent: str,
+    date_utc: str,
+    latitude_deg: float,
+    longitude_deg: float,
+    with_moons: bool,
 ) -> Positions:
     time = spice.str2et(date_utc)
     frame = f"IAU_{body}"
@@ -92,7 +107,18 @@ def _find_positions(
         float(planet_radii[2]),
         axes @ axis,
         axes @ np.asarray(spice.pxform("J2000", frame, time)),
+        {name: seen(str(number)) for name, number in _list_other_moons(spice, body, parent)} if with_moons else {},
     )
+
+
+def _list_other_moons(spice: ModuleType, body: str, parent: str) -> list[tuple[str, int]]:
+    """Names and NAIF's numbers of the large moons of the planet except the body."""
+    own, planet = spice.bods2c(body), spice.bods2c(parent)
+    return [
+        (name, moon.number)
+        for name, moon in MOONS.items()
+        if moon.number // 100 == planet // 100 != 0 and moon.number != own
+    ]
 
 
 def _refuse_other_planet(spice: ModuleType, body: str, parent: str) -> None:

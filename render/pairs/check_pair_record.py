@@ -150,6 +150,7 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
     if facts:
         yield from _compare_value("light", light, {"j2000_to_world": facts["j2000_to_world"]})
         yield from _compare_planet(light.get("planet"), facts["planet"])
+        yield from _compare_value("light", light, {"moons": facts.get("moons", [])}, _SINGLE_PRECISION)
 
 
 def _compare_lamps(stated: object, settings: Settings) -> Iterator[str]:

@@ -193,6 +193,10 @@ class LightSettings(Table, label="Light"):
     planet_spot_longitude_deg: float = degrees(
         "Red Spot Longitude", 0.0, -360.0, 360.0, "Longitude of Jupiter's Great Red Spot, east of the meridian that "
         "faces the moon", "light", section=PLANET, active=ticked("planet"), since="0.3")
+    moons: bool = tick(
+        "Other Moons", False, "Show the planet's other large moons at the date: from Enceladus Mimas, Tethys, Dione, "
+        "Rhea and Titan, from Europa Io, Ganymede and Callisto. They do not light the ground", "light",
+        section=PLANET, shown=DATED, active=ticked("planet"), since="0.4")
     lamps: list[Lamp] = tables(
         "Lamps", Lamp, "Lamps beside the Sun, one table per lamp, at most eight", "light", section=LAMPS, since="0.4")
     ies_file: str = text(

@@ -159,6 +159,8 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
         found.append("Images on the ground (textures.set) are left out.")
     if shown.planet is not None and shown.planet.rings:
         found.append("Saturn's rings are left out, except for their shadow on the planet.")
+    if shown.moons:
+        found.append("Other moons are left out.")
     if settings.light.stars:
         found.append("Stars are left out.")
     return found

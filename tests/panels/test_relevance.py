@@ -449,14 +449,14 @@ def of_light(**state) -> set[str]:
 def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_there_have_no_settings():
     of_others = {"place", "lamp_scales", "ies_file"}  # of a map, of lamps
     every = {setting.key for setting in TOPICS["light"].settings} - of_others
-    dated = {"body", "date_utc", "longitude_deg"}
+    dated = {"body", "date_utc", "longitude_deg", "moons"}
     given = {
         key
         for key in every
         if key.startswith(("sun_", "planet_"))
         and key.endswith(("elevation_deg", "azimuth_deg", "diameter_deg", "irradiance_wm2", "flattening"))
     }
-    planet = {key for key in every if key.startswith("planet_")}
+    planet = {key for key in every if key.startswith("planet_")} | {"moons"}
     stars = {"stars_faintest_mag"}
     assert of_light() == every - dated - {"parent", "kernels", "latitude_deg"} - planet - stars
     assert of_light(planet=True) == every - dated - {"parent", "kernels"} - stars

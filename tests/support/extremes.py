@@ -27,7 +27,7 @@ from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.arrays import Array
-from icymoon.support.labels import ROCK, TERRAIN
+from icymoon.support.labels import ROCK, SKY_TAGS, TERRAIN
 from mathutils import Vector
 from rendering import empty_scene
 
@@ -269,7 +269,7 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     for place in places[:: math.ceil(len(places) / _MOST_RAYS)]:
         way = toward[place]
         hit, at, normal, face, item, matrix = scene.ray_cast(graph, Vector(start), Vector(way).normalized())
-        hit = hit and item.get("icymoon") not in ("planet", "rings", "stars")
+        hit = hit and item.get("icymoon") not in SKY_TAGS
         # What the largest coordinate is rounded by, along the ray to the plane that is hit.
         slant = max(abs(np.array(normal) @ way) / np.linalg.norm(way), 1e-3) if hit else 1.0
         vertices = item.data.polygons[face].vertices if hit else ()

@@ -8,8 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon.physics.light import ephemeris, spice
+from icymoon.physics.light import ephemeris, moons, spice
 from icymoon.physics.light.bodies import BODIES
+from icymoon.physics.light.moon_orbits import find_moon_places
 from icymoon.physics.light.sky import azimuth_deg, compute_sky, elevation_deg
 from icymoon.physics.light.sunlight import AU_KM
 from icymoon.settings import description, preset_files
@@ -230,8 +231,8 @@ def kernels(tmp_path_factory):
     return written_kernels(tmp_path_factory.mktemp("kernels"), DATE)
 
 
-def written_kernels(folder, date):
-    """A folder of kernels for ten days about a date, the moon where the elements have it."""
+def written_kernels(folder, date, other_moons=()):
+    """A folder of kernels for ten days about a date, the moons where the elements have them."""
     spiceypy = pytest.importorskip("spiceypy")
     (folder / "a.tls").write_text(LSK)
     (folder / "b.tpc").write_text(PCK)
@@ -253,6 +254,10 @@ def written_kernels(folder, date):
         (10, 0, lambda t: np.zeros(3)),
         (602, 699, around),
         (699, 0, lambda t: AU_KM * ephemeris.heliocentric_position_au(moon.orbit, t / 86400)),
+        *(
+            (moons.MOONS[name].number, 699, lambda t, n=name: find_moon_places("SATURN", t / 86400)[n])
+            for name in other_moons
+        ),
     ):
         spiceypy.spkw08(
             handle,
@@ -285,6 +290,20 @@ def test_spice_and_the_elements_agree(kernels):
         assert exact.planet_equator_km == found.planet_equator_km
         assert exact.planet_name == found.planet_name == "SATURN"
         np.testing.assert_allclose(exact.from_j2000, found.from_j2000, atol=1e-6)
+
+
+def test_spice_has_the_other_moons_if_the_kernels_have_them(kernels, tmp_path):
+    """Light time is the difference: up to 4 s, in which Mimas moves 60 km. Without it the site would also be off."""
+    site = "ENCELADUS", "SATURN", DATE, 10.0, 20.0
+    all_moons = written_kernels(tmp_path, DATE, ("MIMAS", "TETHYS", "DIONE", "RHEA", "TITAN"))
+    exact = spice.find_positions(all_moons, *site, with_moons=True)
+    found = ephemeris.find_positions("ENCELADUS", *site[2:])
+    assert set(exact.moons_km) == set(found.moons_km) == {"MIMAS", "TETHYS", "DIONE", "RHEA", "TITAN"}
+    for name, place in exact.moons_km.items():
+        assert np.linalg.norm(place - found.moons_km[name]) < 1e-3 * found.planet_distance_km
+    assert spice.find_positions(all_moons, *site).moons_km == {}
+    with pytest.raises(IcyMoonError, match=r"add kernels that cover body and date"):
+        spice.find_positions(kernels, *site, with_moons=True)
 
 
 @pytest.mark.parametrize("pole", [90.0, -90.0])

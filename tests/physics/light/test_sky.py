@@ -85,6 +85,14 @@ def test_irradiance_by_phase_is_the_tabulated_one(values, expected):
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
+def test_jupiter_is_darker_than_a_matt_globe_at_partial_phases():
+    """Cassini's images: "roughly 25 %" for all filters together (Mayorga et al. 2016). In green it is 13 to 18 % here,
+    and the crescent is brighter than a matt globe's."""
+    ratio = np.array([phase_function("JUPITER", phase) / lambert_phase(phase) for phase in (30.0, 60.0, 90.0, 120.0)])
+    np.testing.assert_allclose(ratio[:3], 0.8, atol=0.07)
+    assert ratio[3] > 1
+
+
 def far_field_irradiance_wm2(planet: Planet) -> float:
     """Irradiance of a facing surface by the formula for a distant point."""
     return (
