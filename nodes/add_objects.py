@@ -24,7 +24,8 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
     Raises IcyMoonError if Cycles is off or a texture of its material is not available.
     """
     check_cycles.require_cycles()
-    mesh = build_mesh("Icy Terrain", settings.terrain, make_terrain(settings, int(settings.dataset.seed)))
+    ground = make_terrain(settings, int(settings.dataset.seed), with_skirts=False)  # because it has no rocks
+    mesh = build_mesh("Icy Terrain", settings.terrain, ground)
     mark_elevation(mesh, settings.surface)
     return _build_object(mesh, lambda: build_ground_material(settings, mesh))
 

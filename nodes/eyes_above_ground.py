@@ -19,6 +19,7 @@ from ..physics.scene_checks import (
 )
 from ..support.arrays import Array
 from .built_scene import Built
+from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import TAG
 from .head_cameras import describe_obstructed_camera, find_head_poses, read_head_cameras
 from .light.lamps import find_lamp_matrix
@@ -37,7 +38,7 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    found: list[str] = list(scene_checks.find_reasons(settings))
+    found: list[str] = list(scene_checks.find_reasons(make_paths_absolute(settings)))
     if found or (graded and not settings.rig.head_file and not settings.light.lamps):
         return found
     return find_reasons(built, scene=scene, ask_eyes=not graded)

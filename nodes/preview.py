@@ -240,6 +240,7 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
     """The rocks of the settings that look largest, with the coarsest shapes."""
     rocks, rig = make_paths_absolute(settings).rocks, settings.rig
     step_m = compute_vertex_spacing_m(settings.terrain)
+    ground = ground.without_skirts()
     found = scatter_rocks(
         rocks,
         float(settings.terrain.size_m),

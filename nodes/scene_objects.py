@@ -24,6 +24,7 @@ from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import scatter_rocks
 from ..physics.rocks.rock_table import TABLE, read_rock_table
+from ..physics.terrain.skirts import advise_on_skirts
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
 from ..settings.topics.scene import Settings
@@ -77,7 +78,9 @@ def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:
 
 def make_ground(settings: Settings) -> Terrain:
     """The height function of the procedural ground."""
-    return make_terrain(settings, int(settings.dataset.seed))
+    # Files of rocks are read for their skirts.
+    found = make_paths_absolute(settings) if settings.rocks.skirt > 0 else settings
+    return make_terrain(found, int(settings.dataset.seed))
 
 
 def read_stated_ground_m(rig: RigSettings) -> float:
@@ -136,9 +139,10 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
         ]
     if settings.rocks.coverage > 0:
         scene_checks.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
+    said = [*own.warnings, *advise_on_skirts(settings)]
     if find_sky_place(settings, own.map_place):
-        return [*own.warnings]
-    return [*own.warnings, *warn_sky_of_another_site(settings.light, own.map_place)]
+        return said
+    return [*said, *warn_sky_of_another_site(settings.light, own.map_place)]
 
 
 def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings: list[str]) -> bpy.types.Object:
@@ -168,8 +172,7 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.excavation = dug.series.facts(dug.state)
         made.warnings += made.excavation.get("advice", [])
     if settings.rocks.coverage > 0:
-        most_seen = ground.most_rocks if isinstance(ground, MeshedGround) else None
-        rocks, warnings, moved = _build_rocks(settings, terrain, ground.surface.size_m, dug, most_seen)
+        rocks, warnings, moved = _build_rocks(settings, terrain, ground)
         made.objects.append(rocks)
         made.warnings += warnings
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
@@ -195,22 +198,21 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
 
 
 def _build_rocks(
-    settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None, most_seen: int | None
+    settings: Settings, terrain: bpy.types.Object, ground: MeshedGround | UserGround
 ) -> tuple[bpy.types.Object, list[str], int]:
-    """The object whose points are the rocks on the ground, warnings, and the number of rocks that lost support by the
-    excavation ``dug``.
-
-    With ``most_seen`` they are the rocks that look largest.
-    """
+    """The object whose points are the rocks on the ground, warnings, and the number of rocks that lost support by an
+    excavation."""
     seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
     with probe_heights(terrain) as height_at:
         view = make_view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-        before, moved = height_at if dug is None else dug.before(height_at), 0
-        rocks = scatter_rocks(wanted, size_m, seed, before, shapes, clear, view, most_seen)
-        if dug is not None:
-            rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
+        bare, most_seen, moved = height_at, None, 0
+        if isinstance(ground, MeshedGround):
+            bare, most_seen = ground.without_skirts(height_at, settings.terrain), ground.most_rocks
+        rocks = scatter_rocks(wanted, ground.surface.size_m, seed, bare, shapes, clear, view, most_seen)
+        if isinstance(ground, DugGround):
+            rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
     item = mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks

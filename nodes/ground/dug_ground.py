@@ -23,6 +23,7 @@ from ...physics.mesh.hole_for_trench import cut_hole, is_inside_loop, list_grid_
 from ...physics.rocks.place_rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import rebuilt_parts
+from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -49,6 +50,17 @@ class DugGround(MeshedGround):
         """The grid of the patch."""
         assert self.series is not None
         return self.series.site.grid
+
+    def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
+        """A function for the heights on which rocks lie: those of the untouched ground without skirts."""
+        return super().without_skirts(self.before(height_at), terrain)
+
+    def compute_skirts(self, x_m: Array, y_m: Array, terrain: TerrainSettings) -> Array:
+        """Heights in metres of the skirts above the untouched ground at places (n, …), with the detail of the mesh."""
+        skirts, grid = self.surface.skirts, self.grid
+        assert skirts is not None
+        patch = skirts.heights(grid.east_m[None, :], grid.north_m[:, None], 2 * grid.cell_m)
+        return grid.interpolate(patch, x_m, y_m, super().compute_skirts(x_m, y_m, terrain))
 
     def before(self, height_at: HeightAt) -> HeightAt:
         """A function for heights of the untouched ground. Outside the patch it returns ``height_at`` of the mesh in

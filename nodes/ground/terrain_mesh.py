@@ -13,6 +13,7 @@ from ...physics.mesh.finer_in_view import is_carried_by_grid, is_relief_geometry
 from ...physics.mesh.graded_mesh import GradedGround, grade_ground
 from ...physics.mesh.ground_interface import Surface
 from ...physics.mesh.preview_ground import make_preview_ground
+from ...physics.rocks.place_rocks import HeightAt
 from ...physics.terrain.roughness.roughness import list_stated_statistics
 from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
@@ -62,6 +63,19 @@ class MeshedGround:
     spacing_m: Array | None = None
     fine: Array | None = None
     most_rocks: int | None = None
+
+    def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
+        """A function for the heights on which rocks lie, from ``height_at`` of the mesh: those without skirts."""
+        if self.surface.skirts is None:
+            return height_at
+        return lambda x_m, y_m: height_at(x_m, y_m) - self.compute_skirts(x_m, y_m, terrain)
+
+    def compute_skirts(self, x_m: Array, y_m: Array, terrain: TerrainSettings) -> Array:
+        """Heights in metres of the skirts above the ground at places (n, …), with the detail of the mesh."""
+        if isinstance(self.surface, GradedGround):
+            return self.surface.compute_skirts(x_m, y_m)
+        assert self.surface.skirts is not None
+        return self.surface.skirts.heights(x_m, y_m, shortest_wavelength_m(terrain))
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is flat,

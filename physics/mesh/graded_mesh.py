@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_in_view
 from ..terrain.landforms import Walls
+from ..terrain.skirts import Skirts
 from ..terrain.terrain import Terrain
 from .break_walls import SHARE_BEFORE_BREAKING, break_walls, breaks_walls
 from .cut_along_lines import Line, cut_along_lines
@@ -66,6 +67,33 @@ class GradedGround:
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres above the tangent plane at the site; see ``Surface.heights``."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
+
+    @property
+    def skirts(self) -> Skirts | None:
+        """The skirts of rocks on the ground."""
+        return self.ground.skirts
+
+    def without_skirts(self) -> GradedGround:
+        """The same ground without skirts, on which rocks lie."""
+        return replace(self, ground=self.ground.without_skirts())
+
+    def compute_skirts(self, x_m: Array, y_m: Array) -> Array:
+        """Heights in metres of the skirts above the ground at places (n, …) of a ground with skirts, with the detail of
+        the mesh."""
+        assert self.skirts is not None
+        return self.skirts.heights(x_m, y_m, self.find_carried_wavelengths(x_m, y_m))
+
+    def find_carried_wavelengths(self, x_m: Array, y_m: Array) -> Array:
+        """Shortest wavelengths in metres of the mesh at places (n, …), as on level ground."""
+        at = self.grading.view
+        east, north = np.asarray(x_m) - at.x_m, np.asarray(y_m) - at.y_m
+        spacing = self.grading.spacing_at(np.hypot(east, north))
+        relief = self.grading.relief
+        if self.rig is not None and relief is not None and relief.everywhere:
+            places = east.ravel(), north.ravel()
+            seen = is_in_view(self.rig, *places, np.full(east.size, -at.height_m)).reshape(east.shape)
+            spacing = np.where(seen, spacing / relief.parts, spacing)
+        return CARRIED_WAVELENGTH * spacing
 
     def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
         """Depth in metres of the curved body below the tangent plane at the site."""

@@ -14,12 +14,10 @@ import numpy as np
 
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..rig.seen_points import is_in_view
 from ..terrain.terrain import Terrain
 from .finer_in_view import FineRelief
 from .graded_mesh import GradedGround, GradedMesh
 from .vertex_spacing import (
-    CARRIED_WAVELENGTH,
     VertexSpacing,
     count_added,
     find_farthest_ground_m,
@@ -58,14 +56,7 @@ class PreviewGround(GradedGround):
 
     def compute_mesh_heights(self, x_m: Array, y_m: Array) -> Array:
         """Heights in metres with the wavelengths that the mesh carries at places (n, …)."""
-        at = self.grading.view
-        east, north = np.asarray(x_m) - at.x_m, np.asarray(y_m) - at.y_m
-        spacing = self.grading.spacing_at(np.hypot(east, north))
-        if self.rig is not None and self.grading.relief is not None:
-            places = east.ravel(), north.ravel()
-            seen = is_in_view(self.rig, *places, np.full(east.size, -at.height_m)).reshape(east.shape)
-            spacing = np.where(seen, spacing / self.grading.relief.parts, spacing)
-        return self.heights(x_m, y_m, CARRIED_WAVELENGTH * spacing)
+        return self.heights(x_m, y_m, self.find_carried_wavelengths(x_m, y_m))
 
     def mesh_with_relief(self) -> GradedMesh:
         """The mesh; on a flat patch without the triangles beyond its sides."""

@@ -55,6 +55,18 @@ class Rocks:
 
 
 @dataclass(frozen=True)
+class Footprints:
+    """The outlines on the map of ``n`` rocks before they lie on a ground, as ellipses. ``places_m`` (n, 2) are their
+    centres, ``half_m`` (n, 2) the longer and the shorter half axis, ``turn_rad`` (n,) the direction of the longer one
+    from east over north, and ``above_m`` (n,) the height of each rock above level ground."""
+
+    places_m: Array
+    half_m: Array
+    turn_rad: Array
+    above_m: Array
+
+
+@dataclass(frozen=True)
 class _LooseRocks:
     """``n`` rocks before they lie on a ground: ``places_m`` (n, 2), ``burial`` (n,), the buried share of the thickness,
     ``rotation`` (n, 3, 3) on level ground, and the arrays of ``Rocks``."""
@@ -185,10 +197,7 @@ def scatter_rocks(
     are returned, those that look largest from the centre of the circle, unchanged by the limit. Raises IcyMoonError if
     the settings contradict each other or the mask cannot be read.
     """
-    draw = _draw_rocks if most_seen is None or rocks.law == TABLE or is_masked(rocks) else _draw_few
-    drawn = draw(
-        tuple(rocks.items()), size_m, seed, tuple(shape.height for shape in shapes[0]), clear_m, beyond, most_seen
-    )
+    drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
     laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
     arrays = {
         f.name: np.concatenate([getattr(each, f.name) for each in laid])
@@ -196,6 +205,65 @@ def scatter_rocks(
         if f.name not in ("smallest_m", "beyond_rad")
     }
     return Rocks(**arrays, smallest_m=drawn.smallest_m, beyond_rad=drawn.beyond_rad)
+
+
+def draw_footprints(
+    rocks: RocksSettings,
+    size_m: float,
+    seed: int,
+    shapes: Sequence[Sequence[RockShape]],
+    clear_m: tuple[float, float, float],
+    beyond: ViewBeyond | None = None,
+    most_seen: int | None = None,
+) -> Footprints:
+    """The outlines of the rocks of ``scatter_rocks``, before a ground is known. A rock that the circle ``clear_m``
+    might remove, however the ground tilts it, is left out.
+
+    A rock counts as an ellipsoid with its length, width and height.
+    """
+    drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
+    loose = _join(list(drawn.parts))
+    stays = _list_staying(loose, shapes, clear_m)
+    half = loose.rotation[stays] * (loose.scale_m[stays, None, :] / 2)
+    square = half @ np.swapaxes(half, 1, 2)
+    # The outline of an ellipsoid is the ellipse of the upper left part of its matrix.
+    mean, apart = (square[:, 0, 0] + square[:, 1, 1]) / 2, (square[:, 0, 0] - square[:, 1, 1]) / 2
+    turned = np.hypot(apart, square[:, 0, 1])
+    return Footprints(
+        loose.places_m[stays],
+        np.sqrt(np.stack([mean + turned, np.maximum(mean - turned, 0.0)], axis=1)),
+        np.arctan2(square[:, 0, 1], apart) / 2,
+        2.0 * np.sqrt(square[:, 2, 2]) * (1.0 - loose.burial[stays]),
+    )
+
+
+def _list_staying(
+    loose: _LooseRocks, shapes: Sequence[Sequence[RockShape]], clear_m: tuple[float, float, float]
+) -> Array:
+    """Whether each rock (n,) stays outside the circle ``clear_m`` in any pose."""
+    room = np.hypot(*(loose.places_m - clear_m[:2]).T) - clear_m[2]
+    radii = np.array([[np.linalg.norm(shape.vertices, axis=1).max() for shape in row] for row in shapes])
+    reach = radii[loose.level, loose.shape] * loose.scale_m.max(axis=1)
+    for k in np.flatnonzero((room > 0.0) & (room <= reach)):
+        points = shapes[loose.level[k]][loose.shape[k]].vertices * loose.scale_m[k]
+        reach[k] = np.linalg.norm(points, axis=1).max()
+    return np.asarray(room > reach)
+
+
+def _draw(
+    rocks: RocksSettings,
+    size_m: float,
+    seed: int,
+    shapes: Sequence[Sequence[RockShape]],
+    clear_m: tuple[float, float, float],
+    beyond: ViewBeyond | None,
+    most_seen: int | None,
+) -> _Drawn:
+    """The rocks of ``scatter_rocks`` before they lie on a ground."""
+    draw = _draw_rocks if most_seen is None or has_file(rocks) else _draw_few
+    return draw(
+        tuple(rocks.items()), size_m, seed, tuple(shape.height for shape in shapes[0]), clear_m, beyond, most_seen
+    )
 
 
 def _draw_rocks(
@@ -239,6 +307,11 @@ _draw_few = functools.lru_cache(maxsize=1)(_draw_rocks)
 def is_masked(rocks: RocksSettings) -> bool:
     """Whether a painted mask thins the rocks. Rocks of a table have stated places."""
     return bool(rocks.mask_file and rocks.law != TABLE)
+
+
+def has_file(rocks: RocksSettings) -> bool:
+    """Whether a file, which may change, states places of rocks."""
+    return rocks.law == TABLE or is_masked(rocks)
 
 
 def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array]) -> list[Array]:

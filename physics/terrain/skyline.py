@@ -37,7 +37,7 @@ def advise_on_skyline(settings: Settings, toward_sun: Array, sun_diameter_deg: f
     elevation = math.degrees(math.asin(float(np.clip(toward_sun[2], -1.0, 1.0))))
     if settings.hills.rms_slope_deg == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return []
-    ground, rig = make_terrain(settings, int(settings.dataset.seed)), settings.rig
+    ground, rig = make_terrain(settings, int(settings.dataset.seed), with_skirts=False), settings.rig
     azimuth = math.degrees(math.atan2(toward_sun[0], toward_sun[1]))
     skyline = find_skyline_deg(
         ground, (rig.x_m, rig.y_m), azimuth, float(settings.terrain.body_radius_m), float(settings.mesh.farthest_m)

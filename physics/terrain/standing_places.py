@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,10 +19,13 @@ from ..rocks.beyond_patch import make_view_beyond
 from ..rocks.own_rock import find_rock_shapes
 from ..rocks.place_rocks import Rocks, euler_matrices, scatter_rocks
 from ..rocks.rock_shapes import RockShape
+from .skirts import make_skirts
 from .terrain import Terrain, make_terrain
 
 #: Number of places tried for each wanted place before too few are returned.
 _TRIES_PER_PLACE = 1000
+#: A clear circle that removes no rock, because each camera has its own.
+_NO_CIRCLE = 0.0, 0.0, -math.inf
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,11 @@ class RockyGround:
 
     def heights(self, x_m: Numbers, y_m: Numbers) -> Array:
         """Heights in metres at east and north coordinates; NaN where there is no ground."""
+        return self._limit_to_ground(self.ground, x_m, y_m)
+
+    def _limit_to_ground(self, ground: Terrain, x_m: Numbers, y_m: Numbers) -> Array:
         inside = np.maximum(np.abs(x_m), np.abs(y_m)) <= self.half_m
-        return np.where(inside, self.ground.heights(x_m, y_m, self.shortest_m), np.nan)
+        return np.where(inside, ground.heights(x_m, y_m, self.shortest_m), np.nan)
 
     @cached_property
     def shapes(self) -> Sequence[Sequence[RockShape]]:
@@ -67,9 +73,9 @@ class RockyGround:
             self.settings.rocks,
             self.ground.size_m,
             int(self.settings.dataset.seed),
-            self.heights,
+            partial(self._limit_to_ground, self.ground.without_skirts()),
             self.shapes,
-            (0.0, 0.0, -math.inf),
+            _NO_CIRCLE,
             make_view_beyond(self.settings),
         )
 
@@ -136,4 +142,10 @@ def make_rocky_ground(settings: Settings) -> RockyGround:
     Raises IcyMoonError where the settings contradict each other.
     """
     half = math.inf if settings.mesh.kind == "GRADED" else settings.terrain.size_m / 2
-    return RockyGround(make_terrain(settings, int(settings.dataset.seed)), settings, half)
+    seed = int(settings.dataset.seed)
+    ground = make_terrain(settings, seed)
+    if ground.skirts:
+        ground = replace(
+            ground, skirts=make_skirts(settings.rocks, ground.size_m, seed, _NO_CIRCLE, make_view_beyond(settings))
+        )
+    return RockyGround(ground, settings, half)

@@ -1,9 +1,9 @@
 """The ground: heights by position, summed over the parts that the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
-(``landforms``), snow in the hollows, on a regional slope, with hills (``hills``) to the horizon. Any
-points, any order: the height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot
-carry.
+(``landforms``), snow in the hollows, on a regional slope, with hills (``hills``) to the horizon, and ``skirts`` at the
+feet of rocks. Any points, any order: the height of a place does not depend on the mesh, but for the wavelengths that
+the mesh cannot carry.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from .roughness.roughness import (
     resolved_share,
 )
 from .roughness.structure_function import structure_function
+from .skirts import Skirts, make_skirts_of_scene
 
 #: Side in points of a tile, whose arrays fit the processor's cache.
 _TILE_SIDE = 128
@@ -58,6 +59,7 @@ class Terrain:
     mantle_length_m: float = 0.0
     mantle_level_m: float = field(default=0.0, repr=False)
     hills: Landform | None = None
+    skirts: Skirts | None = field(default=None, repr=False)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast).
@@ -86,6 +88,10 @@ class Terrain:
         """The same ground with sharp crests, for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
+    def without_skirts(self) -> Terrain:
+        """The same ground without skirts, on which rocks lie."""
+        return replace(self, skirts=None) if self.skirts else self
+
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """Heights of one tile of points."""
         total = self._sum_ground(x, y, shortest_m)
@@ -99,6 +105,8 @@ class Terrain:
             total += snow_depth_m(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
         if self.slope_east or self.slope_north:
             total += self._regional_slope(x, y)
+        if self.skirts:
+            total += self.skirts.heights(x, y, shortest_m)
         return total
 
     def _regional_slope(self, x: Array, y: Array) -> Array:
@@ -136,10 +144,10 @@ def _order_by_place(x: Array, y: Array) -> Array:
     return np.argsort(row * squares + column, kind="stable")
 
 
-def make_terrain(settings: Settings, seed: int) -> Terrain:
-    """The ground of complete settings and of the seed of their data set.
+def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Terrain:
+    """The ground of complete settings and of the seed of their data set, with the skirts of its rocks or without.
 
-    Raises IcyMoonError where lengths contradict each other.
+    Raises IcyMoonError where lengths contradict each other, or where a file of rocks with skirts cannot be read.
     """
     ground = settings.terrain
     size, variant = float(ground.size_m), int(ground.variant)
@@ -162,6 +170,7 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
         mantle.thickness_m,
         mantle.length_m,
         hills=_make_hills(tuple(settings.hills.items()), seed, variant, size),
+        skirts=make_skirts_of_scene(settings, seed) if with_skirts else None,
     )
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)

@@ -18,11 +18,12 @@ from .declaration import (
     text,
     tick,
 )
-from .ground import GRADED
+from .ground import GRADED, PROCEDURAL
 from .relevance import chosen, positive
 
 SHAPE = Section("shape", "Shape", "Shape, tilt and burial of each rock")
 PLACE = Section("place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number")
+SKIRTS = Section("skirts", "Skirts", "Loose material at the feet of rocks", shown=PROCEDURAL)
 
 
 class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
@@ -103,6 +104,21 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         since="0.3")
     mask_file: str = mask_file(
         "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")
+    skirt: float = fraction(
+        "Height", 0.0, "Height of the loose material around each rock at its outline, as a share of the height of the "
+        "rock above the ground; 0 for none", "geometry", high=0.5, section=SKIRTS, since="0.4")
+    skirt_repose_deg: float = degrees(
+        "Angle of Repose", 35.0, 5.0, 60.0, "Largest slope of the skirts against the ground. Angular grains rest at "
+        "about 40, rounded ones at 25, at 0.1 g as at 1 g; grains that sinter rest more steeply", "geometry",
+        (20.0, 45.0), section=SKIRTS, active=positive("skirt"), since="0.4")
+    skirt_drift: float = number(
+        "Drift", 1.0, 1.0, 10.0, (1.0, 5.0), "Length of a skirt behind its rock over its width beside the rock, as "
+        "for a drift; 1 for skirts that are equally wide all around", "geometry", section=SKIRTS,
+        active=positive("skirt"), since="0.4")
+    skirt_azimuth_deg: float = degrees(
+        "Drift's Origin", 0.0, -360.0, 360.0, "Direction from which the material came, from north (+Y) over east "
+        "(+X). Drifts lie on the other side of each rock", "geometry", section=SKIRTS, active=positive("skirt"),
+        since="0.4")
     own_surface: bool = tick(
         "Own Surface", False, "Make rocks from the settings of Rock Ice instead of the ground's", "material",
         section=ELSEWHERE)

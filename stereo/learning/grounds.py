@@ -14,11 +14,12 @@ import numpy as np
 
 from ...physics.mesh.vertex_rings import VertexRings
 from ...physics.random_numbers.seeds import make_generator
-from ...physics.rocks.place_rocks import euler_matrices, scatter_rocks
+from ...physics.rocks.place_rocks import draw_footprints, euler_matrices, scatter_rocks
 from ...physics.rocks.rock_shapes import FAMILIES, RockShape, make_rock_shapes
 from ...physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from ...physics.surfaces.photometry import Law, lunar_lambert
 from ...physics.surfaces.snow import snow_law
+from ...physics.terrain.skirts import Skirts, build_skirts
 from ...physics.terrain.terrain import Terrain, make_terrain
 from ...rays.engine import open_tracer
 from ...rays.shapes import Hits, Placed, Shape, World, normalize
@@ -264,10 +265,11 @@ def _vary_hapke(settings: Settings, w: Numbers) -> Law:
 def build_ground(recipe: Recipe) -> Ground:
     """The triangles of a ground and their tracer. Raises IcyMoonError without Embree, MemoryError without memory."""
     seed = int(make_split_generator(recipe.seed, recipe.split, recipe.number, 1).integers(2**31 - 1))
-    terrain = make_terrain(recipe.bare, seed)
-    placed = [_mesh_terrain(terrain, recipe.place_m)]
+    terrain, placed = make_terrain(recipe.bare, seed, with_skirts=False), []
     if recipe.rocks is not None:
-        placed += _lay_rocks(recipe.rocks, terrain, seed, recipe.place_m)
+        placed = _lay_rocks(recipe.rocks, terrain, seed, recipe.place_m)
+        terrain = replace(terrain, skirts=_make_skirts(recipe.rocks, terrain, seed, recipe.place_m))
+    placed.insert(0, _mesh_terrain(terrain, recipe.place_m))
     if recipe.shapes:
         placed += _place_odd_shapes(recipe, terrain)
     world = World(placed)
@@ -320,6 +322,16 @@ def _lay_rocks(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[f
         return []
     matrices = _make_matrices(rocks.position_m, rocks.rotation, rocks.scale_m)
     return _place_shapes(shapes[_ROCK_LEVEL], rocks.shape, matrices, ROCK)
+
+
+def _make_skirts(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[float, float]) -> Skirts | None:
+    """The skirts of the rocks of ``_lay_rocks``."""
+    if settings.rocks.skirt == 0.0:
+        return None
+    shapes = make_rock_shapes(settings.rocks.family, float(settings.rocks.angularity), 0)
+    clear = (*place_m, _CLEAR_M)
+    outlines = draw_footprints(settings.rocks, terrain.size_m, seed, shapes, clear, most_seen=_MOST_ROCKS)
+    return build_skirts(outlines, settings.rocks)
 
 
 #: Maximum number of rocks on a ground.

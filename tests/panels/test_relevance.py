@@ -215,6 +215,8 @@ IDLE = {
     "emitted_from",
     "emitted_below",
 }
+#: Settings of skirts that have an effect only with skirts.
+_SKIRTS = {"skirt_repose_deg", "skirt_drift", "skirt_azimuth_deg"}
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
@@ -365,19 +367,31 @@ CASES = [
     ),
     ("hapke", {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}}, "but", {"accuracy", "h_c"}),
     ("rocks", {}, "only", {"coverage"}),
-    ("rocks", {"rocks": {"coverage": 0.01}}, "but", {"shape_file", "cluster_blocks", "cluster_radius_m", "file"}),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"shape_file", "file"}),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01}},
+        "but",
+        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_SKIRTS},
+    ),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"shape_file", "file", *_SKIRTS}),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}}, "but", {"shape_file", "file"}),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01, "clustering": 0.1}, "source": {"kind": "MESH"}},
+        "but",
+        {"shape_file", "beyond_px", "file", "skirt", *_SKIRTS},
+    ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}},
         "but",
-        {"shape_file", "beyond_px", "file"},
+        {"shape_file", "beyond_px", "file", *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}},
         "but",
-        {"shape_file", "power_index", "file"},
+        {"shape_file", "power_index", "file", *_SKIRTS},
     ),
     (
         "rocks",
@@ -393,13 +407,14 @@ CASES = [
             "cluster_blocks",
             "cluster_radius_m",
             "beyond_px",
+            *_SKIRTS,
         },
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "family": "OWN"}},
         "but",
-        {"file", "angularity"},
+        {"file", "angularity", *_SKIRTS},
     ),
     ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
     ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),

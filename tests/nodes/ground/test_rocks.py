@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from rendering import complete, empty_scene
 
+#: Ground with a trench.
+DUG = {"excavation": {"path": "LINE", "states": 3, "bite_m": 0.05, "length_m": 0.2, "cell_m": 0.01, "start_y_m": 2.0}}
 STREWN = {"rocks": {"coverage": 0.1, "smallest_m": 0.15}}
 
 
@@ -65,6 +69,30 @@ def test_two_builds_are_equal_and_clear_removes_everything():
     scenes.build_scene(scene, complete(STREWN))
     scenes.clear_scene(scene)
     assert data_blocks() == before
+
+
+@pytest.mark.parametrize("more", [{}, {"mesh": {"kind": "GRADED", "most": 60000, "farthest_m": 100.0}}, DUG], ids=str)
+def test_a_skirt_moves_no_rock_and_leaves_no_gap(more):
+    """The mesh is linear between its vertices and a skirt is not, so rocks stand within the longest edge times the
+    slope of repose of where they stand without skirts."""
+    patch = {"terrain": {"size_m": 8.0, "resolution": 513}, "rocks": {"coverage": 0.1, "smallest_m": 0.3}}
+    without = scenes.build_scene(empty_scene(), complete(patch, more))
+    expected = corners(carrier(without).data)
+    built = scenes.build_scene(empty_scene(), complete(patch, more, {"rocks": {"skirt": 0.4}}))
+    found = corners(carrier(built).data)
+    assert len(found) == len(expected) > 20
+    assert np.array_equal(found[:, :2], expected[:, :2])
+    near = np.hypot(*found[:, :2].T) < 3.0
+    at = corners(built.terrain.data)
+    ends = at[[edge.vertices[:] for edge in built.terrain.data.edges]][:, :, :2]
+    longest = np.hypot(*(ends[:, 0] - ends[:, 1]).T)[np.hypot(*ends.mean(axis=1).T) < 3.5].max()
+    assert np.abs(found - expected)[near, 2].max() < math.tan(math.radians(35.0)) * longest
+    points = [corners(mesh) @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in instances(built)]
+    with probe_heights(built.terrain) as height_at:
+        gaps = np.concatenate(points)[:, 2] - height_at(*np.concatenate(points)[:, :2].T)
+    lowest, highest = (f.reduceat(gaps, np.cumsum([0, *map(len, points)])[:-1]) for f in (np.fmin, np.fmax))
+    assert np.nanmax(lowest) <= 1e-4  # positions are in single precision
+    assert (highest > 0.0).mean() > 0.9  # a skirt of a larger neighbour buries a small rock
 
 
 def test_every_point_is_an_instance_with_the_pose_that_was_computed():

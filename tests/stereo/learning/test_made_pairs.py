@@ -222,6 +222,32 @@ def test_own_ground_stands_where_the_terrain_of_the_settings_does():
         grounds.close_ground(ground)
 
 
+def test_own_ground_has_the_skirts_of_its_rocks(monkeypatch):
+    monkeypatch.setattr(grounds, "_SPACING", 0.04)  # 8 cm at 2 m, and skirts are 11 cm wide and more
+    grounds._make_rings.cache_clear()
+    own = merged(defaults(), {"rocks": {"coverage": 0.2, "smallest_m": 0.4, "skirt": 0.4}})
+    recipe = replace(draw_recipe(0, "train", 3, grounds.Variety(own=own)), shapes=0)
+    ground = build_ground(recipe)
+    bare = build_ground(replace(recipe, rocks=merged(own, {"rocks": {"skirt": 0.0}})))
+    try:
+        vertices, level = (each.world.placed[0].shape.vertices for each in (ground, bare))
+        raised = (vertices - level)[:, 2]
+        assert (raised >= 0.0).all()
+        assert np.array_equal(vertices[:, :2], level[:, :2])
+        rocks = [np.concatenate([each.places for each in made.world.placed[1:]]) for made in (ground, bare)]
+        assert np.array_equal(*rocks)
+        away = np.hypot(*(vertices[:, None, :2] - rocks[0][None, :, :2, 3]).transpose(2, 0, 1)).min(axis=1)
+        near = np.hypot(*(vertices[:, :2] - recipe.place_m).T) < 2.0
+        assert (near & (away < 0.15)).any()
+        # A rock that is nearly buried has hardly a skirt.
+        assert (raised[near & (away < 0.15)] > 0.02).mean() > 0.9
+        assert (raised[away > 3.0] == 0.0).all()
+    finally:
+        grounds._make_rings.cache_clear()
+        grounds.close_ground(ground)
+        grounds.close_ground(bare)
+
+
 NIGHT = Lighting(SUN, 0.0, 0.0, 0.3, np.full(4, 0.5))
 LAMP = PointLamp(np.array([0.5, 0.2, 1.5]), 7.0)
 
