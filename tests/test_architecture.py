@@ -66,6 +66,7 @@ PURE = (
     "stereo/design",
     "stereo/landed_day",
     "stereo",
+    "validation/ground",
     "validation/polar",
     "validation",
     "commands",

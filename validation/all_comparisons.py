@@ -16,6 +16,7 @@ MODULES = {
     "disc": "whole_disc",
     "snow": "snow_law",
     "mitsuba": "second_renderer",
+    "ground": "ground_statistics",
     "polar": "polar_sandbox",
     "frost": "frost",
 }
