@@ -69,12 +69,12 @@ def fit_exponential_cover(diameters_m: Array, area_m2: float, least_m: float, mo
     """Fit the covered share of rocks with diameters (n,) from ``least_m`` to ``most_m`` on an area.
 
     Each square metre under rocks has the diameter of its rock; under the law these diameters are exponential, so q is 1
-    over their mean excess above ``least_m`` (cut at ``most_m``). The errors are for as many independent rocks as have
-    the same spread of areas.
+    over their mean excess above ``least_m`` (cut at ``most_m``). The error of q is that of a mean weighted by areas, of
+    rocks drawn independently; the error of k adds that of the covered area.
     """
     kept = diameters_m[(diameters_m >= least_m) & (diameters_m <= most_m)]
     area = math.pi / 4 * kept**2
-    covered, rocks = float(area.sum()), float(area.sum()) ** 2 / float((area**2).sum())
+    covered = float(area.sum())
     excess = float((area * (kept - least_m)).sum()) / covered
     low, high = 1e-3, 1e3
     for _ in range(_BISECTIONS):
@@ -83,5 +83,7 @@ def fit_exponential_cover(diameters_m: Array, area_m2: float, least_m: float, mo
     decay = math.sqrt(low * high)
     whole = covered / area_m2 / -math.expm1(-decay * (most_m - least_m))
     k = whole * math.exp(decay * least_m)
-    spread = 1.0 / math.sqrt(rocks)
-    return ExponentialCover(Estimate(k, k * spread), Estimate(decay, decay * spread))
+    of_decay = math.sqrt(float(((area * (kept - least_m - excess)) ** 2).sum())) / (covered * excess)
+    of_area = math.sqrt(float((area**2).sum())) / covered
+    of_k = math.hypot(of_area, decay * least_m * of_decay)
+    return ExponentialCover(Estimate(k, k * of_k), Estimate(decay, decay * of_decay))
