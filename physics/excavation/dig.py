@@ -138,6 +138,7 @@ class ExcavationSeries:
                     size,
                     float(self.excavation.friction_deg),
                     make_generator(self.seed, "terrain", 9),
+                    float(self.excavation.sorting),
                 ),
             )
         grid, key = self.site.grid, int(make_generator(self.seed, "terrain", 7).integers(0, 2**32))

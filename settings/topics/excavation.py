@@ -97,6 +97,10 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         ("MANY", "Many Sizes", "Single clods, a few large and many small, each where it came to rest: large clods "
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
+    sorting: float = fraction(
+        "Sorting", 0.0, "Share of the clods of many sizes that rolled from the crest of the heap, the larger the "
+        "farther; the rest of the heap is fine", "geometry", section=HEAP,
+        active=positive("clods_m") & chosen("clod_sizes", "MANY"), since="0.4")
     cell_m: float = metres(
         "Cell Size", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap",
         "geometry", section=ADVANCED, shown=DUG)
