@@ -6,7 +6,7 @@ of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder T
 distance does not depend on gravity, because both the driving force and friction are proportional to it. Sizes and
 shapes are guesses.
 
-Sorted clods are dropped near the crest instead, and roll one at a time, as stones do on a scree. Their friction falls
+Sorted clods drop more often where spoil is thick, and roll one at a time, as stones do on a scree. Their friction falls
 with their width D over the grains d that they roll on, tan φ = tan φ0 + k d / D (Statham 1976, Earth Surface Processes
 1, 43; the law from memory, its numbers here are guesses). So fine spoil is left at the crest, and large clods lie at
 the foot, as in heaps of mixed grains (Makse et al. 1997, Nature 386, 379).
@@ -47,10 +47,10 @@ _ROLLING_FRICTION = (0.35, 0.9)
 _FRICTION_SCATTER = (0.85, 1.15)
 #: Height from which sorted clods drop on the crest, over the height of the heap.
 _DROP_HEIGHT = 0.05
-#: Sorted clods drop on a cell with a chance of its thickness of spoil to this power, so most drop near the crest.
-_CREST_POWER = 2.0
+#: Sorted clods drop on a cell with a chance of its thickness of spoil to this power, so few drop at the foot.
+_CREST_POWER = 0.5
 #: Area of all sorted clods relative to the area of the heap: spoil without clods is fine.
-_SORTED_SHARE = 0.9
+_SORTED_SHARE = 1.4
 #: Factor on the friction of sorted clods on bare ground, where their fall is broken.
 _GROUND_FRICTION = 4.0
 #: Share of sorted clods that roll on without it.
@@ -84,7 +84,7 @@ def add_clods(
 ) -> Array:
     """Thickness (rows, columns) in metres of spoil with clods of up to ``largest_m``; its sum is the sum of
     ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods. ``sorting`` from 0 to 1 is the share
-    of the clods that rolled from the crest."""
+    of the clods that rolled down the heap."""
     total = float(spoil_m.sum())
     if largest_m <= 0.0 or total <= 0.0:
         return spoil_m
