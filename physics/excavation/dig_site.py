@@ -18,6 +18,7 @@ from .joint_paths import make_joint_pulls
 from .scoop_cut import Pull, find_bounds_m
 from .scoop_marks import TEETH, ScoopMarks, make_marks
 from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
+from .wall_slump import find_retreat_m
 
 #: Gravity at the mean radius in m/s²: GM / R². GM in km³/s²: 3202.7121 and 7.2103667 (JPL, gm_Horizons.pck of
 #: 2025-01-29, from the satellite solutions; Enceladus' from SAT441L. Jacobson et al. 2006, AJ 132, 2520, table 3, has
@@ -110,6 +111,7 @@ _SITE_SETTINGS = (
     "heap_gap_m",
     "cell_m",
     "marks",
+    "slump",
 )
 
 
@@ -160,8 +162,11 @@ def _lay_out_site(
     slumped = 0.5 * max(lowest, 0.0) / slope if lowest > stands else 0.0
     heap, reach = _place_heap(excavation, every, deepest, slumped)
     cell = float(excavation.cell_m)
-    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
-    trench = find_bounds_m(every, slumped + excavation.chips_m + 2 * cell)
+    broken = float(excavation.chips_m)
+    if excavation.slump > 0.0 and stands >= lowest > (1.0 - excavation.slump) * stands:
+        broken += find_retreat_m(lowest, excavation.friction_deg)
+    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + broken
+    trench = find_bounds_m(every, slumped + broken + 2 * cell)
     ends = [
         find_bounds_m(every, 2 * slumped + margin),
         (

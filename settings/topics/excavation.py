@@ -82,6 +82,10 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     chips_m: float = metres(
         "Chipped Rims", 5.0e-3, 0.0, 0.1, (0.0, 0.02), "Largest chip that breaks off the rims of walls that stand",
         "geometry", section=WALLS)
+    slump: float = fraction(
+        "Wall Slumps", 0.0, "Share of the cohesion that the weakest places of the walls lack. A wall breaks off above "
+        "the height up to which it stands there, and lies as an apron at its foot", "geometry", section=WALLS,
+        active=positive("cohesion_pa"), since="0.4")
     heaped_share: float = fraction(
         "Heaped Share", 1.0, "Share of the dug ground that is heaped beside the trench. The scoop keeps the rest",
         "geometry", section=HEAP)
@@ -102,7 +106,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
     sorting: float = fraction(
-        "Sorting", 0.0, "Share of the clods of many sizes that rolled from the crest of the heap, the larger the "
+        "Sorting", 0.0, "Share of the clods of many sizes that rolled down the heap, the larger the "
         "farther; the rest of the heap is fine", "geometry", section=HEAP,
         active=positive("clods_m") & chosen("clod_sizes", "MANY"), since="0.4")
     cell_m: float = metres(
