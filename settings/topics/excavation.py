@@ -60,7 +60,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     marks: float = fraction(
         "Scoop Marks", 0.0, "Depth of the grooves of the blade's six teeth, over the depth at which their flanks are "
         "as steep as friction holds them. A step twice as high ends each pass, which is as long as the blade is wide",
-        "geometry", shown=DUG, since="0.4")
+        "geometry", section=WALLS, since="0.4")
     cohesion_pa: float = number(
         "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
         "Shear strength of the ground without load; loose sand has 0. Cohesion, friction, density and gravity set "
