@@ -5,6 +5,11 @@ large among their neighbours: a large clod rolls over small ones as over a smoot
 of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder Technology 36, 39, from memory). The
 distance does not depend on gravity, because both the driving force and friction are proportional to it. Sizes and
 shapes are guesses.
+
+Sorted clods drop more often where spoil is thick, and roll one at a time, as stones do on a scree. Their friction falls
+with their width D over the grains d that they roll on, tan φ = tan φ0 + k d / D (Statham 1976, Earth Surface Processes
+1, 43; the law from memory, its numbers here are guesses). So fine spoil is left at the crest, and large clods lie at
+the foot, as in heaps of mixed grains (Makse et al. 1997, Nature 386, 379).
 """
 
 from __future__ import annotations
@@ -36,6 +41,20 @@ _MOST_CLOD_SHARE = 0.5
 _LARGE_FRICTION = (0.35, 1.0)
 #: Friction of the smallest clods, which interlock, relative to spoil.
 _SMALL_FRICTION = 1.2
+#: Friction of very large sorted clods, and what is added for clods as wide as the grains under them, relative to spoil.
+_ROLLING_FRICTION = (0.35, 0.9)
+#: Range of the factor on this friction, by the shapes of clods.
+_FRICTION_SCATTER = (0.85, 1.15)
+#: Height from which sorted clods drop on the crest, over the height of the heap.
+_DROP_HEIGHT = 0.05
+#: Sorted clods drop on a cell with a chance of its thickness of spoil to this power, so few drop at the foot.
+_CREST_POWER = 0.5
+#: Area of all sorted clods relative to the area of the heap: spoil without clods is fine.
+_SORTED_SHARE = 1.4
+#: Factor on the friction of sorted clods on bare ground, where their fall is broken.
+_GROUND_FRICTION = 4.0
+#: Share of sorted clods that roll on without it.
+_OUTLIERS = 0.15
 #: Maximum number of steps of a slide. A step is at most one cell.
 _MOST_SLIDE_STEPS = 600
 #: Number of side planes of a clod.
@@ -61,34 +80,69 @@ def add_clods(
     largest_m: float,
     repose_deg: float,
     random: np.random.Generator,
+    sorting: float = 0.0,
 ) -> Array:
     """Thickness (rows, columns) in metres of spoil with clods of up to ``largest_m``; its sum is the sum of
-    ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods."""
+    ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods. ``sorting`` from 0 to 1 is the share
+    of the clods that rolled down the heap."""
     total = float(spoil_m.sum())
-    on = np.flatnonzero(spoil_m > 0.0)
     if largest_m <= 0.0 or total <= 0.0:
         return spoil_m
+    place, width = place_clods(grid, ground_m, spoil_m, largest_m, repose_deg, random, sorting)
     top = ground_m + spoil_m
-    width = _draw_widths(grid.cell_m, len(on), min(largest_m, _WIDTH_OVER_THICKNESS * float(spoil_m.max())), random)
-    row, column = np.divmod(on[random.integers(0, len(on), len(width))], grid.columns)
-    place = _slide_clods(
-        top / grid.cell_m,
-        np.stack([row, column], axis=1).astype(np.float64),
-        math.tan(math.radians(repose_deg)) * _draw_friction(width, random),
-    )
     raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
     raised *= min(1.0, _MOST_CLOD_SHARE * total / held) if held > 0.0 else 0.0
     return np.asarray(spoil_m * (1.0 - float(raised.sum()) / total) + raised)
 
 
-def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.Generator) -> Array:
-    """Widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil."""
+def place_clods(
+    grid: ExcavationGrid,
+    ground_m: Array,
+    spoil_m: Array,
+    largest_m: float,
+    repose_deg: float,
+    random: np.random.Generator,
+    sorting: float = 0.0,
+) -> tuple[Array, Array]:
+    """Rows and columns (n, 2) where clods on spoil come to rest, and their widths (n,) in metres, smallest first."""
+    on = np.flatnonzero(spoil_m > 0.0)
+    most = min(largest_m, _WIDTH_OVER_THICKNESS * float(spoil_m.max()))
+    covered = _COVERED_SHARE + sorting * (_SORTED_SHARE - _COVERED_SHARE)
+    width = _draw_widths(grid.cell_m, len(on), most, random, covered)
+    start, top = on[random.integers(0, len(on), len(width))], (ground_m + spoil_m) / grid.cell_m
+    friction = _draw_friction(width, random)
+    tangent = math.tan(math.radians(repose_deg))
+    if sorting == 0.0:
+        return _slide_clods(top, _find_cells(start, grid), tangent * friction), width
+    rolls = random.uniform(0.0, 1.0, len(width)) < sorting
+    chance = np.cumsum(spoil_m.flat[on] ** _CREST_POWER)
+    start[rolls] = on[np.searchsorted(chance, random.uniform(0.0, chance[-1], int(rolls.sum())))]
+    friction[rolls] = _draw_rolling_friction(width, random)[rolls]
+    on_ground = friction.copy()
+    on_ground[rolls & (random.uniform(0.0, 1.0, len(width)) > _OUTLIERS)] *= _GROUND_FRICTION
+    pace = np.where(rolls, math.sqrt(2.0 * _DROP_HEIGHT * float(spoil_m.max()) / grid.cell_m), 0.0)
+    turn = random.uniform(0.0, 2.0 * math.pi, len(width))
+    speed = pace[:, None] * np.stack([np.sin(turn), np.cos(turn)], axis=1)
+    bare = spoil_m <= 0.0
+    return _slide_clods(top, _find_cells(start, grid), tangent * friction, speed, (bare, tangent * on_ground)), width
+
+
+def _find_cells(numbers: Array, grid: ExcavationGrid) -> Array:
+    """Rows and columns (n, 2) of cells by their numbers."""
+    return np.stack(np.divmod(numbers, grid.columns), axis=1).astype(np.float64)
+
+
+def _draw_widths(
+    cell_m: float, cells: int, largest_m: float, random: np.random.Generator, covered: float = _COVERED_SHARE
+) -> Array:
+    """Widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil, whose area is ``covered`` times
+    as large as the area of these cells."""
     least = max(_SMALLEST_CELLS * cell_m, largest_m / _WIDTH_RATIO)
     most = max(largest_m, least)
     ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
     mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
-    count = min(math.ceil(_COVERED_SHARE * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MOST_CLODS)
+    count = min(math.ceil(covered * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MOST_CLODS)
     return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
 
 
@@ -104,19 +158,34 @@ def _draw_friction(width: Array, random: np.random.Generator) -> Array:
     )
 
 
-def _slide_clods(top: Array, place: Array, friction: Array) -> Array:
-    """Find the rows and columns (n, 2) at which clods from ``place`` come to rest. ``top`` is heights in cells. A clod
-    is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid."""
+def _draw_rolling_friction(width: Array, random: np.random.Generator) -> Array:
+    """Friction (n,) relative to spoil of clods that roll over clods of the median width."""
+    least, more = _ROLLING_FRICTION
+    return np.asarray((least + more * float(np.median(width)) / width) * random.uniform(*_FRICTION_SCATTER, len(width)))
+
+
+def _slide_clods(
+    top: Array,
+    place: Array,
+    friction: Array,
+    speed: Array | None = None,
+    elsewhere: tuple[Array, Array] | None = None,
+) -> Array:
+    """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells. A clod
+    is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid. ``speed`` (n, 2) is
+    its speed at first, of which half the square is a height in cells. ``elsewhere`` are boolean cells with another
+    friction, and this friction (n,)."""
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0
-    place, speed = place.copy(), np.zeros_like(place)
+    place, speed = place.copy(), np.zeros_like(place) if speed is None else speed.copy()
     for _ in range(_MOST_SLIDE_STEPS):
         at = np.rint(place).astype(int)
         fastest = max(float(np.hypot(*speed.T).max()), 1.0)
         step = 1.0 / fastest
         speed -= step * slopes[at[:, 0], at[:, 1]]
         pace = np.hypot(*speed.T)
-        speed *= np.maximum(1.0 - step * friction / np.maximum(pace, 1e-12), 0.0)[:, None]
+        drag = friction if elsewhere is None else np.where(elsewhere[0][at[:, 0], at[:, 1]], elsewhere[1], friction)
+        speed *= np.maximum(1.0 - step * drag / np.maximum(pace, 1e-12), 0.0)[:, None]
         if not speed.any():
             break
         place = np.clip(place + step * np.clip(speed, -fastest, fastest), 0.0, last)

@@ -16,6 +16,7 @@ from .clods import add_clods
 from .dig_site import ExcavationSite
 from .scoop_cut import Pull, fit_plane, measure_cut_depth_m
 from .slide_to_repose import GroundLayers, relax_slopes
+from .wall_slump import find_failed_m, make_strength
 
 #: Wavelength of each noise of the clods, over their height, and the noise's share of the height.
 _CLOD_NOISE = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
@@ -38,9 +39,9 @@ _CHIP_SLOPE = 1.5
 @dataclass(frozen=True)
 class DugState:
     """The ground after a step of the excavation, and the effects of the step: volumes in m³ of undisturbed ground,
-    masses in kg. ``chipped_m3`` broke off standing rims; ``slid_m3`` of ground slid because its walls did not stand.
-    ``kept_kg`` was not dropped on the heap. ``stood`` is true if the walls stood, ``rests`` if all loose material came
-    to rest."""
+    masses in kg. ``chipped_m3`` broke off standing rims; ``slid_m3`` of ground slid because its walls did not stand, or
+    parts of them. ``kept_kg`` was not dropped on the heap. ``stood`` is true if the walls stood, ``rests`` if all loose
+    material came to rest."""
 
     layers: GroundLayers
     taken_m3: float
@@ -97,6 +98,8 @@ class ExcavationSeries:
         heaped_kg = self.excavation.heaped_share * mass + chips_kg
         self._drop_on_heap(layers, number, heaped_kg)
         solid = layers.ground.copy()
+        if stood:
+            self._break_walls(layers, number)
         _, rests = relax_slopes(
             layers,
             cell,
@@ -138,6 +141,7 @@ class ExcavationSeries:
                     size,
                     float(self.excavation.friction_deg),
                     make_generator(self.seed, "terrain", 9),
+                    float(self.excavation.sorting),
                 ),
             )
         grid, key = self.site.grid, int(make_generator(self.seed, "terrain", 7).integers(0, 2**32))
@@ -209,6 +213,19 @@ class ExcavationSeries:
             chip = np.minimum(_CHIP_SLOPE * np.maximum(size[window] - out, 0.0), 0.5 * np.maximum(depth, 0.0))
             chipped[window] = np.maximum(chipped[window], np.where(out > 0, chip, 0.0))
         return np.maximum(layers.ground - (self.before_m - chipped), 0.0)
+
+    def _break_walls(self, layers: GroundLayers, number: int) -> None:
+        """Turn ground of walls that is too weak to stand into spoil, in place."""
+        weakening = float(self.excavation.slump)
+        if weakening == 0.0 or self.site.deepest_m <= (1.0 - weakening) * self.site.stands_m:
+            return
+        key = int(make_generator(self.seed, "terrain", 10).integers(0, 2**32))
+        stands = self.site.stands_m * make_strength(self.site.grid, self.site.deepest_m, weakening, key)
+        pulls = [pull for each in self.site.pulls[:number] for pull in each]
+        friction = float(self.excavation.friction_deg)
+        failed = find_failed_m(self.site.grid, self.before_m, layers.ground, pulls, stands, friction)
+        layers.ground -= failed
+        layers.spoil += float(self.excavation.bulking) * failed
 
     def _drop_on_heap(self, layers: GroundLayers, number: int, mass_kg: float) -> None:
         """Drop spoil on the heap, in place. On level ground the growing heap keeps its shape."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...settings.topics.excavation import ExcavationSettings
 from ...settings.topics.scene import Settings, typed
@@ -16,7 +16,9 @@ from .dig_grid import ExcavationGrid, make_covering_grid
 from .heap import SpoilHeap, ridge_height_m
 from .joint_paths import make_joint_pulls
 from .scoop_cut import Pull, find_bounds_m
+from .scoop_marks import TEETH, ScoopMarks, make_marks
 from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
+from .wall_slump import find_retreat_m
 
 #: Gravity at the mean radius in m/s²: GM / R². GM in km³/s²: 3202.7121 and 7.2103667 (JPL, gm_Horizons.pck of
 #: 2025-01-29, from the satellite solutions; Enceladus' from SAT441L. Jacobson et al. 2006, AJ 132, 2520, table 3, has
@@ -31,6 +33,8 @@ _MARGIN_M = 0.03
 _MARGIN_CELLS = 4
 #: Least width of a blade in cells; a narrower one digs a crude trench.
 _FEWEST_CELLS_ACROSS = 8
+#: Least distance in cells of the grooves of two teeth.
+_FEWEST_CELLS_PER_GROOVE = 4
 
 
 def is_dug(settings: Settings) -> bool:
@@ -106,6 +110,8 @@ _SITE_SETTINGS = (
     "heap_side",
     "heap_gap_m",
     "cell_m",
+    "marks",
+    "slump",
 )
 
 
@@ -151,11 +157,16 @@ def _lay_out_site(
     _refuse_narrow_blade(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
-    slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
+    marks = make_marks(excavation.width_m, excavation.marks, excavation.friction_deg)
+    lowest = deepest + (min(marks.height_m, max(deepest, 0.0)) if marks else 0.0)
+    slumped = 0.5 * max(lowest, 0.0) / slope if lowest > stands else 0.0
     heap, reach = _place_heap(excavation, every, deepest, slumped)
     cell = float(excavation.cell_m)
-    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
-    trench = find_bounds_m(every, slumped + excavation.chips_m + 2 * cell)
+    broken = float(excavation.chips_m)
+    if excavation.slump > 0.0 and stands >= lowest > (1.0 - excavation.slump) * stands:
+        broken += find_retreat_m(lowest, excavation.friction_deg)
+    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + broken
+    trench = find_bounds_m(every, slumped + broken + 2 * cell)
     ends = [
         find_bounds_m(every, 2 * slumped + margin),
         (
@@ -174,7 +185,11 @@ def _lay_out_site(
             f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_GRID_SIDE} along a "
             "side; raise excavation.cell_m, or dig less."
         )
-    return ExcavationSite(pulls, heap, grid, stands, trench, deepest)
+    return ExcavationSite(tuple(_mark(each, marks) for each in pulls), heap, grid, stands, trench, lowest)
+
+
+def _mark(pulls: tuple[Pull, ...], marks: ScoopMarks | None) -> tuple[Pull, ...]:
+    return tuple(replace(pull, marks=marks) for pull in pulls)
 
 
 def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
@@ -269,11 +284,7 @@ def advise_on_excavation(settings: Settings) -> list[str]:
             f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
             f"because they are one cell of {excavation.cell_m:g} m wide."
         )
-    if excavation.width_m < _FEWEST_CELLS_ACROSS * excavation.cell_m:
-        said.append(
-            f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
-            "crude; lower excavation.cell_m."
-        )
+    said += _advise_on_cells(excavation)
     x, y = settings.rig.x_m, settings.rig.y_m
     west, south, east, north = site.grid.bounds_m
     if west < x < east and south < y < north:
@@ -286,6 +297,20 @@ def advise_on_excavation(settings: Settings) -> list[str]:
             "Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
             "no other; others stay where they lay, as does what spoil falls on."
         )
+    return said
+
+
+def _advise_on_cells(excavation: ExcavationSettings) -> list[str]:
+    """Sentences about cells that are too large for the blade or its teeth."""
+    said = []
+    if excavation.width_m < _FEWEST_CELLS_ACROSS * excavation.cell_m:
+        said.append(
+            f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
+            "crude; lower excavation.cell_m."
+        )
+    apart = excavation.width_m / (TEETH * excavation.cell_m)
+    if excavation.marks > 0.0 and apart < _FEWEST_CELLS_PER_GROOVE:
+        said.append(f"The grooves of the scoop's teeth are {apart:.2g} cells apart and crude; lower excavation.cell_m.")
     return said
 
 

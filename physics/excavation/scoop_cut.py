@@ -15,6 +15,7 @@ import numpy as np
 
 from ...support.arrays import Array, Numbers
 from .dig_grid import ExcavationGrid
+from .scoop_marks import ScoopMarks
 
 #: Points in a cell along each axis.
 SUBSAMPLES = 4
@@ -24,7 +25,8 @@ SUBSAMPLES = 4
 class Pull:
     """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
     ``along_m`` (n,), increasing, are distances along the pull. ``depth_m`` (n,) are depths of the edge there, below the
-    plane of the untouched ground. With ``from_deg`` the blade first rotates about its middle from that heading."""
+    plane of the untouched ground. With ``from_deg`` the blade first rotates about its middle from that heading. With
+    ``marks`` the edge leaves grooves and steps about these depths."""
 
     x_m: float
     y_m: float
@@ -33,6 +35,7 @@ class Pull:
     along_m: Array
     depth_m: Array
     from_deg: float | None = None
+    marks: ScoopMarks | None = None
 
     def place(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
         """Distances along the pull and to its right, in metres."""
@@ -66,7 +69,10 @@ class Pull:
             before = math.radians(self.from_deg)
             past = (np.asarray(x_m) - self.x_m) * math.sin(before) + (np.asarray(y_m) - self.y_m) * math.cos(before)
             over |= (along <= 0.0) & (past >= 0.0) & (np.hypot(along, right) <= self.width_m / 2)
-        return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
+        depth = np.interp(along, self.along_m, self.depth_m)
+        if self.marks is not None:
+            depth = self.marks.add_to(depth, along - self.along_m[0], right, float(self.along_m[-1] - self.along_m[0]))
+        return np.where(over, depth, -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """Distance in metres of points from the blade's path (0 on the path), and the depth at the nearest point of the

@@ -57,6 +57,10 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     radius_m: float = metres(
         "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry",
         shown=chosen("path", "ARC"))
+    marks: float = fraction(
+        "Scoop Marks", 0.0, "Depth of the grooves of the blade's six teeth, over the depth at which their flanks are "
+        "as steep as friction holds them. A step twice as high ends each pass, which is as long as the blade is wide",
+        "geometry", section=WALLS, since="0.4")
     cohesion_pa: float = number(
         "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
         "Shear strength of the ground without load; loose sand has 0. Cohesion, friction, density and gravity set "
@@ -78,6 +82,10 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     chips_m: float = metres(
         "Chipped Rims", 5.0e-3, 0.0, 0.1, (0.0, 0.02), "Largest chip that breaks off the rims of walls that stand",
         "geometry", section=WALLS)
+    slump: float = fraction(
+        "Wall Slumps", 0.0, "Share of the cohesion that the weakest places of the walls lack. A wall breaks off above "
+        "the height up to which it stands there, and lies as an apron at its foot", "geometry", section=WALLS,
+        active=positive("cohesion_pa"), since="0.4")
     heaped_share: float = fraction(
         "Heaped Share", 1.0, "Share of the dug ground that is heaped beside the trench. The scoop keeps the rest",
         "geometry", section=HEAP)
@@ -97,6 +105,10 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         ("MANY", "Many Sizes", "Single clods, a few large and many small, each where it came to rest: large clods "
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
+    sorting: float = fraction(
+        "Sorting", 0.0, "Share of the clods of many sizes that rolled down the heap, the larger the "
+        "farther; the rest of the heap is fine", "geometry", section=HEAP,
+        active=positive("clods_m") & chosen("clod_sizes", "MANY"), since="0.4")
     cell_m: float = metres(
         "Cell Size", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap",
         "geometry", section=ADVANCED, shown=DUG)

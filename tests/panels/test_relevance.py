@@ -131,6 +131,9 @@ def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colou
 def test_sizes_of_clods_are_grey_without_clods():
     assert "clod_sizes" not in relevant("excavation", {"excavation": {"path": "LINE"}})
     assert "clod_sizes" in relevant("excavation", {"excavation": {"path": "LINE", "clods_m": 0.02}})
+    assert "sorting" not in relevant("excavation", {"excavation": {"path": "LINE", "clods_m": 0.02}})
+    many = {"path": "LINE", "clods_m": 0.02, "clod_sizes": "MANY"}
+    assert "sorting" in relevant("excavation", {"excavation": many})
 
 
 def test_exposure_and_readout_of_a_motion_are_grey_unless_something_moves():

@@ -20,17 +20,32 @@ def cone():
     return np.maximum(HIGH_M - TANGENT * away_m(), 0.0)
 
 
-def thrown(seed=0, largest_m=0.04, spoil=None, ground=None):
+def thrown(seed=0, largest_m=0.04, spoil=None, ground=None, sorting=0.0):
     spoil = cone() if spoil is None else spoil
     ground = np.zeros_like(spoil) if ground is None else ground
-    return clods.add_clods(GRID, ground, spoil, largest_m, REPOSE_DEG, np.random.default_rng(seed))
+    return clods.add_clods(GRID, ground, spoil, largest_m, REPOSE_DEG, np.random.default_rng(seed), sorting)
+
+
+def place_on_fine_cone(sorting, seed):
+    """Distance from the apex and width of each clod, in metres, on cells fine enough for clods of 6 to 40 mm."""
+    grid = ExcavationGrid(-0.3, -0.3, 301, 301, 0.002)
+    spoil = np.maximum(HIGH_M - TANGENT * np.hypot(grid.east_m[None, :], grid.north_m[:, None]), 0.0)
+    place, width = clods.place_clods(
+        grid, np.zeros_like(spoil), spoil, 0.04, REPOSE_DEG, np.random.default_rng(seed), sorting
+    )
+    return np.hypot(*(place - 150.0).T) * grid.cell_m, width
+
+
+def correlate_ranks(a, b):
+    return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
 
 
 def test_the_sum_is_kept_for_any_heap():
     for spoil in (cone(), np.minimum(cone(), 0.002), np.where(away_m() < 0.006, 0.001, 0.0), np.zeros((161, 161))):
-        made = thrown(spoil=spoil)
-        assert made.min() >= 0.0
-        assert float(made.sum()) == pytest.approx(float(spoil.sum()), rel=1e-12, abs=0.0)
+        for sorting in (0.0, 1.0):
+            made = thrown(spoil=spoil, sorting=sorting)
+            assert made.min() >= 0.0
+            assert float(made.sum()) == pytest.approx(float(spoil.sum()), rel=1e-12, abs=0.0)
 
 
 def test_few_clods_are_large_and_many_small():
@@ -94,3 +109,42 @@ def test_the_rim_of_the_patch_stays():
 
 def test_no_more_clods_than_a_computer_takes():
     assert len(clods._draw_widths(0.001, 10**9, 0.04, np.random.default_rng(1))) == 20_000
+
+
+def test_without_sorting_clods_lie_as_in_releases_without_it():
+    made = thrown()
+    # A sum with weights that differ everywhere, from the release before sorting; another draw differs by its size.
+    weights = np.sin(np.arange(made.size)).reshape(made.shape)
+    assert float((made * weights).sum()) == pytest.approx(-0.06417061324788428, rel=1e-9)
+
+
+def test_sorted_clods_are_the_larger_the_farther_from_the_apex():
+    unsorted, half, full = (correlate_ranks(*place_on_fine_cone(sorting, 1)) for sorting in (0.0, 0.5, 1.0))
+    assert unsorted + 0.05 < half < full - 0.05
+    away, width = place_on_fine_cone(1.0, 1)
+    random = np.random.default_rng(0)
+    by_chance = [abs(correlate_ranks(away, random.permutation(width))) for _ in range(500)]
+    assert full > 3.0 * max(by_chance)
+
+
+def test_fine_spoil_stays_at_the_top_and_few_clods_roll_beyond_the_foot():
+    away, width = place_on_fine_cone(1.0, 2)
+    foot = HIGH_M / TANGENT
+    large = width > 0.02
+    assert width[away < 0.5 * foot].max() < 0.02  # none of the large ones
+    assert np.mean(away[large] > 0.95 * foot) > 0.9
+    assert 0.0 < np.mean(away[large] > 1.2 * foot) < 2.0 * clods._OUTLIERS
+
+
+def test_sorted_clods_lie_where_the_seed_places_them():
+    np.testing.assert_array_equal(thrown(seed=3, sorting=0.7), thrown(seed=3, sorting=0.7))
+    assert (thrown(seed=3, sorting=0.7) != thrown(seed=4, sorting=0.7)).any()
+
+
+def test_an_initial_speed_climbs_to_its_height():
+    # Half the square of the speed is a height, of which slope and friction take their shares. Friction then holds it.
+    rise = 0.5 * np.arange(400.0)
+    top = np.broadcast_to(rise[:, None], (400, 9)).copy()
+    rest = clods._slide_clods(top, np.array([[50.0, 4.0]]), np.array([0.6]), np.array([[math.sqrt(2.0 * 60.0), 0.0]]))
+    # 60 = (0.5 + 0.6) x; steps of up to a cell.
+    assert rest[0, 0] - 50.0 == pytest.approx(60.0 / 1.1, abs=1.5)

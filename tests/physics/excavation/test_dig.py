@@ -270,6 +270,14 @@ def test_clods_of_many_sizes_keep_mass_and_volume_exactly():
     np.testing.assert_array_equal(series(clods_m=0.03, clod_sizes="MANY").at(2).layers.top, level.at(2).layers.top)
 
 
+def test_a_sorted_heap_has_the_mass_and_the_volume_of_an_unsorted_one():
+    unsorted, made = (series(clods_m=0.03, clod_sizes="MANY", sorting=sorting) for sorting in (0.0, 1.0))
+    assert made.mass_error(3) < 1e-12
+    assert made.facts(3)["spoil_m3"] == pytest.approx(unsorted.facts(3)["spoil_m3"], rel=1e-12)
+    np.testing.assert_array_equal(made.bare[3].top, unsorted.bare[3].top)  # the next bite digs the same ground
+    assert (made.at(3).layers.spoil != unsorted.at(3).layers.spoil).any()
+
+
 def test_clods_lie_beyond_the_foot_of_the_heap_and_the_blade_digs_without_them():
     made = series(clods_m=0.03, clod_sizes="MANY")
     spoil, bare = made.at(3).layers.spoil, made.bare[3].spoil
