@@ -186,10 +186,17 @@ def _preset(name: str) -> str:
         for key, value in values.items()
     ]
     text += "\n" + _table(("Setting", "Value", "Source"), rows)
-    return text + (_measured(measured) if measured else "")
+    if not measured:
+        return text
+    return text + (_describe_slope(measured) if "rms_slope_deg" in measured else _describe_quality(measured))
 
 
-def _measured(measured: dict[str, Any]) -> str:
+def _describe_slope(measured: dict[str, Any]) -> str:
+    """The measured slope of a terrain with its landforms."""
+    return f"\n{measured['what']}: {measured['rms_slope_deg']}° (`{measured['command']}`).\n"
+
+
+def _describe_quality(measured: dict[str, Any]) -> str:
     """The cost of a quality, and its distance from a converged render."""
     bake = f", and baking its light {measured['bake_cpu_s']:.1f} s" if measured["bake_cpu_s"] else ""
     text = (

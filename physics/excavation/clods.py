@@ -171,10 +171,12 @@ def _slide_clods(
     speed: Array | None = None,
     elsewhere: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells. A clod
-    is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid. ``speed`` (n, 2) is
-    its speed at first, of which half the square is a height in cells. ``elsewhere`` are boolean cells with another
-    friction, and this friction (n,)."""
+    """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells.
+
+    A clod is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid. ``speed``
+    (n, 2) is its speed at first, of which half the square is a height in cells. ``elsewhere`` are boolean cells with
+    another friction, and this friction (n,).
+    """
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0
     place, speed = place.copy(), np.zeros_like(place) if speed is None else speed.copy()
