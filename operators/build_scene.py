@@ -14,6 +14,7 @@ from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
 from .coloured_views import hide_colours
+from .painted_masks import leave_sheet
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import restore_render
@@ -64,6 +65,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        leave_sheet(context)
         hide_colours(context.scene)
         session.picture.remove()
         collection = scenes.find_collection(context.scene)
@@ -71,6 +73,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         view_resolution.restore_resolution(context.scene, collection)
         scenes.clear_scene(context.scene)
         restore_views()
+        self.report({"INFO"}, "The built scene is removed; Ctrl Z brings it back")
         return {"FINISHED"}
 
 

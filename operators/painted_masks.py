@@ -58,6 +58,26 @@ def has_mask(scene: bpy.types.Scene, kind: str) -> bool:
     return bool(getattr(getattr(scene.icymoon, topic), key))
 
 
+def find_painted_kind(context: bpy.types.Context) -> str:
+    """The kind of the mask that is painted now, in Weight Paint mode; empty while none is painted."""
+    sheet = mask_sheet.find_sheet(context.scene)
+    if sheet is None or context.mode != "PAINT_WEIGHT" or context.object is not sheet:
+        return ""
+    active = sheet.vertex_groups.active
+    return next((kind for kind, _, _ in KINDS if active is not None and active.name == name_group(kind)), "")
+
+
+def leave_sheet(context: bpy.types.Context) -> None:
+    """End the painting of a mask and hide its sheet, if the scene has one. What was painted stays."""
+    sheet = mask_sheet.find_sheet(context.scene)
+    if sheet is None:
+        return
+    if context.object is sheet:
+        leave_edit_mode()
+    if sheet.visible_get():
+        _hide(context, sheet)
+
+
 class _MaskOperator(OperatorMixin):
     """Mix-in: an operator on the mask of one kind."""
 

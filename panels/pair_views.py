@@ -9,10 +9,12 @@ import bpy
 from ..nodes.build_scene import find_collection
 from ..operators import show_pair
 from ..operators.session import ShownPair
+from ..operators.sidebar_text import measure_line_length
 from .exports import draw_export
 from .fields import draw_lines
 
-_BUTTON_COLUMNS = 3
+#: Buttons in a row, and in a row of a narrow sidebar, whose lines have fewer characters than this.
+_BUTTON_COLUMNS, _FEWER_BUTTON_COLUMNS, _NARROW_LINE = 3, 2, 30
 #: A text as long as the lines about a pair without warnings.
 _ROOM = "1.23 ms, none saturated; depth 1.2 to 45 m"
 
@@ -30,8 +32,9 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     layout = layout.column()
     layout.enabled = bool(pairs)
     column = layout.column(align=True)
-    for start in range(0, len(show_pair.VIEWS), _BUTTON_COLUMNS):
-        _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _BUTTON_COLUMNS], now, number)
+    columns = _BUTTON_COLUMNS if measure_line_length() >= _NARROW_LINE else _FEWER_BUTTON_COLUMNS
+    for start in range(0, len(show_pair.VIEWS), columns):
+        _draw_views(column.row(align=True), show_pair.VIEWS[start : start + columns], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
     lines = show_pair.list_lines(scene) or ["The pair is not shown" if pairs else "No pair is rendered"]

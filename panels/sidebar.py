@@ -14,6 +14,7 @@ from ..operators import (
     manual,
     next_step,
     noise_layers,
+    painted_masks,
     presets,
     refine_ground,
     results,
@@ -81,6 +82,10 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     The drawing always takes two lines, so that nothing below moves under the mouse when a job begins or ends.
     """
     job, column = session.job, layout.column(align=True)
+    if job is None and (kind := painted_masks.find_painted_kind(bpy.context)):
+        column.label(text="Painting: red is all, black none")
+        column.operator("icymoon.use_painted_mask").kind = kind
+        return
     if job is None:
         column.label(text=session.ended or "No job is running")
         column.label(text=next_step.find_next_step(scene))

@@ -177,7 +177,9 @@ def _make_curvature_rows(preset: Preset, patches: Sequence[Array]) -> list[Row]:
 
 def make_shadow_rows(preset: Preset, grounds: Sequence[Terrain], seeds: Sequence[int]) -> list[Row]:
     """The share in shadow under three Suns, beside the closed form and a Gaussian surface of the same spectrum."""
-    ours, theirs, slopes = [], [], []
+    ours: list[list[float]] = []
+    theirs: list[list[float]] = []
+    slopes: list[float] = []
     for ground, seed in zip(grounds, seeds, strict=True):
         made = sample_square(ground, POINTS + 2 * MARGIN)
         slopes.append(relief.measure_point_slope(made[MARGIN:-MARGIN, MARGIN:-MARGIN], SPACING_M))

@@ -18,7 +18,7 @@ abstracts. The table is of the quick run.
 * **Sizes of rocks.** The index of the power law is fitted by maximum likelihood, above the smallest size that was \
 drawn, with the upper end of the law (Clauset et al. 2009, SIAM Review 51, 661). Allowed is the 95 % interval of the \
 estimate. Sizes are drawn one from each equal part of the law, so they scatter less. The published indices are for \
-blocks of metres to hundreds of metres; no block of an icy moon was measured at decimetres. `block_field` and \
+rocks of metres to hundreds of metres; no rock of an icy moon was measured at decimetres. `block_field` and \
 `settled_snow` name comet 67P as their source and have its range. The others name Enceladus, whose index we could not \
 read, and have the range from the comet to Eros. For Golombek's law, abundance and decay are fitted to the covered area.
 * **Slopes.** A preset states one RMS slope. Where landforms, layers or snow change it by more than 5 %, the preset \
@@ -37,7 +37,7 @@ points 4 cm apart. The closed form leaves out correlations; on Gaussian surfaces
 is off by up to 0.058, so 0.06 is allowed. The other law is such a surface with the spectrum of the ground, where 0.03 \
 is allowed for the chance of a patch. Where a law gives less than that, 0.01 is allowed.
 
-No rows exist for these numbers, because we could not read them: the index of Enceladus' blocks (Pajola et al. 2021), \
+No rows exist for these numbers, because we could not read them: the index of Enceladus' rocks (Pajola et al. 2021), \
 the index of Bennu's boulders, Hurst exponents of Europa (Steinbrügge et al. 2020), of natural ground on Earth \
 (Shepard et al. 2001), slopes of Enceladus, and measured shares in shadow. Slopes of Ganymede (3.5 to 8° over 630 m, \
 Berquin et al. 2013) are of another moon.

@@ -171,11 +171,11 @@ def _slide_clods(
     speed: Array | None = None,
     elsewhere: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells.
+    """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest.
 
-    A clod is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid. ``speed``
-    (n, 2) is its speed at first, of which half the square is a height in cells. ``elsewhere`` are boolean cells with
-    another friction, and this friction (n,).
+    ``top`` is heights in cells. A clod is a point mass that its slope accelerates and friction slows; it stops at the
+    rim of the grid. ``speed`` (n, 2) is its speed at first, of which half the square is a height in cells.
+    ``elsewhere`` are boolean cells with another friction, and this friction (n,).
     """
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0

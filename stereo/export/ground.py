@@ -160,8 +160,9 @@ def _write_folders(kind: str, folders: Sequence[Path], out: Path, context: Folde
     with context.progress("Starting Blender") as show:
         written = export_ground(list(pairs.values()), out, kind, context.blender, context.cell_m, show)
     for folder in written:
+        whose = f"The files of {folder.name} lack" if len(written) > 1 else "The files lack"
         for sentence in read_geometry(folder)["left_out"]:
-            context.warn(f"{folder.name} is without {sentence}")
+            context.warn(f"{whose} {sentence}")
 
 
 DEM = Export(write_folders=partial(_write_folders, "dem"))

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground import mask_sheet
+from icymoon.operators import painted_masks
+from icymoon.panels import sidebar
 from icymoon.physics.rocks.painted_mask import find_pixel_centres, read_mask
+from panel_drawing import drawn, texts
 
 
 def list_rocks() -> set[tuple[float, float, float]]:
@@ -46,6 +49,33 @@ def test_rocks_lie_where_they_are_painted_and_everywhere_after_clearing(small):
     assert bpy.ops.icymoon.clear_mask(kind="ROCKS") == {"FINISHED"}
     assert (list_rocks(), small.icymoon.rocks.mask_file) == (before, "")
     assert mask_sheet.find_sheet(small) is None
+
+
+def test_the_panel_offers_the_end_of_painting_and_clearing_the_scene_ends_it(small):
+    bpy.ops.icymoon.build_scene()
+    assert "Painting" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    bpy.ops.icymoon.paint_mask(kind="DIRT")
+    sheet = bpy.context.active_object
+    paint_north(sheet, 0.5)
+    assert painted_masks.find_painted_kind(bpy.context) == "DIRT"
+    shown = drawn(sidebar.ICYMOON_PT_main)
+    assert "Painting: red is all" in texts(shown)
+    assert "icymoon.use_painted_mask" in str(shown)
+    assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
+    assert (bpy.context.mode, sheet.hide_get()) == ("OBJECT", True)
+    assert painted_masks.find_painted_kind(bpy.context) == ""
+    assert mask_sheet.read_shares(sheet, "Icy Moon Dirt").max() == 0.5  # what was painted stays
+
+
+def test_clearing_the_scene_leaves_the_users_own_mode(small):
+    bpy.ops.icymoon.build_scene()
+    own = bpy.data.objects.new("Own", bpy.data.meshes.new("Own"))
+    small.collection.objects.link(own)
+    bpy.context.view_layer.objects.active = own
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.icymoon.clear_scene()
+    assert bpy.context.mode == "EDIT_MESH"
+    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def test_a_mask_can_be_painted_on_and_lies_on_the_ground(small):

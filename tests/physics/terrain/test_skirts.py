@@ -238,7 +238,7 @@ def test_no_skirt_stays_where_the_clear_circle_removes_a_rock():
     assert len(rocks.diameter_m) - len(outlines.above_m) <= 0.02 * len(rocks.diameter_m)
     x, y = grid(1.0, 51)
     near = np.hypot(x, y) < 0.5
-    assert (ground.skirts.heights(x, y)[near] == 0.0).all()  # type: ignore[union-attr]
+    assert (ground.skirts.heights(x, y)[near] == 0.0).all()
 
 
 def test_a_coarse_mesh_leaves_narrow_skirts_out_and_fades_them_without_a_step():

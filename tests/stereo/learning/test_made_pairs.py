@@ -235,7 +235,7 @@ def test_own_ground_has_the_skirts_of_its_rocks(monkeypatch):
         assert (raised >= 0.0).all()
         assert np.array_equal(vertices[:, :2], level[:, :2])
         rocks = [np.concatenate([each.places for each in made.world.placed[1:]]) for made in (ground, bare)]
-        assert np.array_equal(*rocks)
+        assert np.array_equal(rocks[0], rocks[1])
         away = np.hypot(*(vertices[:, None, :2] - rocks[0][None, :, :2, 3]).transpose(2, 0, 1)).min(axis=1)
         near = np.hypot(*(vertices[:, :2] - recipe.place_m).T) < 2.0
         assert (near & (away < 0.15)).any()
