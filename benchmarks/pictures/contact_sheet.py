@@ -47,7 +47,8 @@ def picture(preset: str, folder: Path) -> Array:
     label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)
     found = built.statistics
     asked, made = (found[key]["rms_slope_deg"] for key in ("asked", "made"))
-    text = f"{preset.split('/')[1]}: {asked:.0f} deg asked, {made:.0f} deg made"
+    base = "" if round(asked) == round(made) else f" (base {asked:.0f})"
+    text = f"{preset.split('/')[1]}: {made:.0f} deg{base}"
     cv2.putText(label, text, (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1, cv2.LINE_AA)
     return np.vstack([image, label])
 
