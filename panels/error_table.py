@@ -52,7 +52,7 @@ def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Seq
             "Star: no matcher is significantly better, and at least one is significantly worse.",
         )
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
-        draw_sentence(layout, f"No ranks: these take {count_scenes_for_methods(count)} scenes.")
+        draw_sentence(layout, f"A ranking needs {count_scenes_for_methods(count)} scenes.")
     for sentence in results.list_typical_differences(scene):
         draw_sentence(layout, sentence)
     for sentence in results.list_rare_failures(scene):

@@ -88,10 +88,10 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         return
     column = layout.column(align=True)
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
-    # A button's margins take the room of two characters.
-    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2
+    # A button's margins and icon take the room of five characters.
+    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 5
     draw_lines(column, () if fits else (lines[2],))
-    column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness")
+    column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness", icon="GRAPH")
 
 
 def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -510,9 +510,9 @@ def test_ranks_are_those_of_the_report_and_a_star_needs_a_worse_one(scene, tmp_p
 
 def test_few_scenes_have_no_ranks_and_one_matcher_needs_none(scene, tmp_path):
     labels = labels_of_results(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1))
-    assert "No ranks: these take 6 scenes." in dict(labels)
+    assert "A ranking needs 6 scenes." in dict(labels)
     assert not any(text.startswith("Rank") for text, _ in labels)
-    assert "No ranks: these take 6 scenes." not in dict(labels_of_results(scene, tmp_path, ranked("bm", 0.3)))
+    assert "A ranking needs 6 scenes." not in dict(labels_of_results(scene, tmp_path, ranked("bm", 0.3)))
 
 
 def test_a_matcher_that_measured_nothing_has_no_result_and_comes_last(scene, tmp_path):
