@@ -34,6 +34,7 @@ from ..physics.terrain.terrain import Terrain
 from ..settings import rebuilt_parts
 from ..settings.description import merged
 from ..settings.rebuilt_parts import select_geometry
+from ..settings.topics.camera import RigSettings
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -169,8 +170,8 @@ def _show_differences(built: scenes.Built, settings: Settings, side: int) -> boo
         if built.edited_parts("camera"):
             messages.append(_EDITED_MESSAGE.format("camera"))
         else:
-            _show_rig(built, settings, ground)
-    messages += _show_lander(built, settings, before, ground is not None)
+            _show_rig(built, settings, _find_site_m(built, settings, ground))
+    messages += _show_lander(built, settings, before, ground)
     set_notes(built, messages)
     return ground is not None
 
@@ -379,9 +380,10 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
     return []
 
 
-def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
-    """Move the lander and its arm according to ``settings``, or build it again; return a sentence if it stays."""
-    there = settings.lander.kind != "NONE"
+def _show_lander(built: scenes.Built, settings: Settings, before: Settings, ground: Surface | None) -> list[str]:
+    """Move the lander and its arm according to ``settings``, or build it again, on ``ground`` if it has been made
+    already; return a sentence if it stays."""
+    there, new_ground = settings.lander.kind != "NONE", ground is not None
     if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
@@ -390,10 +392,11 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
         return [str(reason) for reason in reasons]
     old = {role: item for role, item in find_built_objects(built.collection).items() if role in LANDER_ROLES.values()}
     if there and old and not new_ground and _only_joints_differ(settings, before):
-        place_lander(old, settings, built.site_m)
+        place_lander(old, settings, _find_site_m(built, settings, ground))
     else:
         scenes.remove_objects(list(old.values()))
-        for item in build_lander(settings, built.site_m, built.terrain) if there else []:
+        made = build_lander(settings, _find_site_m(built, settings, ground), built.terrain) if there else []
+        for item in made:
             built.collection.objects.link(item)
             scenes.free_names([item, item.data, *item.data.materials])
     built.remember(merged(built.settings, {"lander": settings.lander, "arm": settings.arm}), built.preview, "lander")
@@ -408,17 +411,36 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
-def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:
-    """Move the camera to the site of ``settings``, on ``ground`` if it has been made already.
+def _has_moved(built: scenes.Built, rig: RigSettings) -> bool:
+    """Whether the ground under the cameras of ``rig`` may be another than under the rig of the build."""
+    of_build = built.settings.rig
+    return (rig.x_m, rig.y_m) != (of_build.x_m, of_build.y_m) or "ZERO" in (rig.height_from, of_build.height_from)
+
+
+def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None) -> float:
+    """Height in metres of the ground under the cameras of ``settings``, on ``ground`` if it has been made already.
 
     On ground from a file, away from the site where it was built, the height is read from the mesh and only approximate.
     """
-    rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
-    site_m, built_rig = built.site_m, built.settings.rig
-    moved = (rig.x_m, rig.y_m) != (built_rig.x_m, built_rig.y_m) or "ZERO" in (rig.height_from, built_rig.height_from)
+    rig, moved = settings.rig, _has_moved(built, settings.rig)
     if not is_from_file(settings):
-        if moved or ground is not None or preview:
-            site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
+        if not moved and ground is None and not set(built.preview) - {"rig"}:
+            return built.site_m
+        return scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
+    if rig.height_from == "ZERO":
+        return scenes.read_stated_ground_m(rig)
+    if not moved:
+        return built.site_m
+    with probe_heights(built.terrain) as height_at:
+        under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])
+    return built.site_m if math.isnan(under) else under
+
+
+def _show_rig(built: scenes.Built, settings: Settings, site_m: float) -> None:
+    """Move the camera to the site of ``settings``, where the ground has the height ``site_m`` in metres."""
+    rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
+    built_rig, moved = built.settings.rig, _has_moved(built, settings.rig)
+    if not is_from_file(settings):
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(
                 built.settings
@@ -427,12 +449,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
-    elif rig.height_from == "ZERO":
-        site_m = scenes.read_stated_ground_m(rig)
-    elif moved:
-        with probe_heights(built.terrain) as height_at:
-            under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])
-        site_m = site_m if math.isnan(under) else under
+    elif moved and rig.height_from != "ZERO":
         preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}
         settings = merged(settings, {"rig": {"x_m": built_rig.x_m, "y_m": built_rig.y_m}})
     place_rig(built.camera, jitter_rig(merged(settings, {"rig": rig})), site_m)

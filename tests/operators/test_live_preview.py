@@ -11,7 +11,7 @@ import pytest
 from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import built_scene, preview
-from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
+from icymoon.nodes.datablocks.fingerprint import TAG, find_built_objects, make_fingerprint, read_parts
 from icymoon.operators import build, live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs
 from icymoon.operators.session import session
@@ -647,3 +647,21 @@ def test_a_change_evaluates_nothing_before_it_is_complete(watched):
         assert evaluated  # what the window does next
     finally:
         handlers.remove(note)
+
+
+@pytest.mark.parametrize("kind", ["GRID", "GRADED"])
+def test_a_lander_of_a_moved_camera_stands_below_it(watched, kind):
+    """The ground of a graded mesh stays that of the former site, so the height of the site is not that of the build."""
+    change(watched, "mesh.kind", kind)
+    bpy.ops.icymoon.build_scene()
+    before = scenes.find_built(watched).site_m
+    change(watched, "rig.x_m", 1.1)
+    for arm in ("PARAMETRIC", "NONE", "PARAMETRIC"):
+        built = change(watched, "lander.kind", arm)
+    built = change(watched, "arm.shoulder_deg", watched.icymoon.arm.shoulder_deg + 3)
+    bpy.context.view_layer.update()
+    parts = find_built_objects(built.collection)
+    body = parts["lander body"].matrix_world.translation
+    above = built.camera.matrix_world.translation.z - body.z
+    assert watched.icymoon.rig.height_m == pytest.approx(above, abs=1e-4)
+    assert abs(built.camera.matrix_world.translation.z - watched.icymoon.rig.height_m - before) > 0.01
