@@ -10,6 +10,7 @@ import bpy
 from ..nodes.build_scene import find_collection
 from ..render.pairs.pair_folder import read_pair
 from ..settings.blender import scene_properties
+from ..settings.description import merged
 from ..settings.table import list_differing_settings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -36,10 +37,12 @@ def _is_of_other_settings(scene: bpy.types.Scene, folder: Path) -> bool:
     """Whether the settings on which the images depend have changed since the pair was rendered. False for a pair that
     cannot be read."""
     rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
+    if rendered is None:
+        return False
     present = scene_properties.read_for_display(scene.icymoon)
-    return rendered is not None and any(
-        setting.effect not in ("run", "response") for _, setting in list_differing_settings(rendered, present)
-    )
+    if present.quality.indirect == "AUTO":  # the render has chosen, and the pair states the choice
+        present = merged(present, {"quality": {"indirect": rendered.quality.indirect}})
+    return any(setting.effect not in ("run", "response") for _, setting in list_differing_settings(rendered, present))
 
 
 @lru_cache(maxsize=4)

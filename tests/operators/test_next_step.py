@@ -37,3 +37,13 @@ def test_a_pair_of_other_settings_is_rendered_again(rendered):
     assert next_step.find_next_step(rendered) == "Next: Evaluate Stereo Pair"
     rendered.icymoon.light.sun_elevation_deg = before + 5
     assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
+
+
+def test_a_choice_that_the_render_makes_is_no_other_setting(small):
+    small.icymoon.quality.indirect = "AUTO"
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    assert next_step.find_next_step(small) == "Next: Evaluate Stereo Pair"
+    small.icymoon.quality.indirect = "BAKED"
+    assert next_step.find_next_step(small) == "Next: Render Stereo Pair"
+    session.reset()
