@@ -27,6 +27,8 @@ _HINT = "Click on the ground to place the {}; Esc or right click to cancel"
 #: Events that end the operator without a place. Blender handles the events that turn and move the view.
 _CANCELS = ("ESC", "RIGHTMOUSE")
 _DIGITS = 3  # digits of a place in metres: a millimetre
+#: Cells in metres of a workspace that had none: those of the shipped workspaces, a quarter of the scoop's width.
+_FIRST_CELL_M = 0.02
 
 
 def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:
@@ -38,7 +40,8 @@ def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapp
     if target == "CAMERA":
         return {"rig": {"x_m": x, "y_m": y}}
     if target == "WORKSPACE":
-        return {"workspace": {"east_m": x, "north_m": y}}
+        cells = {} if settings.workspace.cell_m > 0 else {"cell_m": _FIRST_CELL_M}
+        return {"workspace": {"east_m": x, "north_m": y, **cells}}
     if target == "TRENCH":
         path = settings.excavation.path
         if path not in ("NONE", "LINE", "ARC"):
@@ -143,7 +146,10 @@ class ICYMOON_OT_place_on_ground(bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, show_controls(f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"))
+        said = f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"
+        if "cell_m" in placed.get("workspace", {}):
+            said += f"; cells are {_FIRST_CELL_M:g} m wide"
+        self.report({"INFO"}, show_controls(said))
         return {"FINISHED"}
 
 

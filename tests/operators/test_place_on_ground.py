@@ -57,6 +57,8 @@ def test_what_is_placed(scene):
         return place_on_ground.make_placed(target, scene_properties.read_settings(scene.icymoon), 1.25, -2.0004)
 
     assert place("CAMERA") == {"rig": {"x_m": 1.25, "y_m": -2.0}}
+    assert place("WORKSPACE") == {"workspace": {"east_m": 1.25, "north_m": -2.0, "cell_m": 0.02}}  # it had no cells
+    scene.icymoon.workspace.cell_m = 0.05
     assert place("WORKSPACE") == {"workspace": {"east_m": 1.25, "north_m": -2.0}}
     trench = {"start_x_m": 1.25, "start_y_m": -2.0}
     assert place("TRENCH") == {"excavation": {**trench, "path": "LINE"}}
