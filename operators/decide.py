@@ -15,6 +15,7 @@ from .evaluate import MeasuringJob, check_has_pairs, make_matcher_arguments, mak
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
+from .session import session
 
 
 class DecidingOperator(JobOperator):
@@ -54,8 +55,10 @@ class DecidingOperator(JobOperator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)
-        for sentence in self._job.result["head"]:
-            self.report({"INFO"}, show_controls(sentence))
+        found = [show_controls(sentence) for sentence in self._job.result["head"] if sentence]
+        session.decided = (*found,) or ("No pair shows ground in reach; the report says why.",)
+        for sentence in session.decided:
+            self.report({"INFO"}, sentence)
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 

@@ -6,16 +6,19 @@ import bpy
 
 from ..nodes import painted_decisions
 from ..operators.decisions_in_view import MAPS, list_decided_methods
+from ..operators.session import session
 from ..stereo.matchers.methods import describe_method
 from .fields import draw_sentence
 
 
 def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw a button for each map of each matcher that has decisions; nothing without decisions.
+    """Draw what the last decisions were, and a button for each map of each matcher that has decisions.
 
     The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
     a button from under the mouse.
     """
+    for sentence in session.decided:
+        draw_sentence(layout, sentence, "INFO")
     shown, meanings = painted_decisions.find_shown_map(scene), painted_decisions.make_legend(scene)
     for method in list_decided_methods(scene):
         layout.separator(factor=0.5)

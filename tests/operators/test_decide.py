@@ -9,7 +9,10 @@ import bpy
 import pytest
 import workspaces
 from icymoon.operators import decide, trusted_reports
+from icymoon.operators.session import session
+from icymoon.panels import sidebar
 from icymoon.support.errors import IcyMoonError
+from panel_drawing import drawn, texts
 from stand_ins import stand_in
 
 
@@ -31,6 +34,11 @@ def test_the_data_set_is_decided_and_its_page_is_known_as_ours(tmp_path):
     page = tmp_path / "decisions" / "decisions.html"
     assert trusted_reports.is_own_report(page)
     assert "StereoBM" in page.read_text(encoding="utf-8")
+    assert any("StereoBM" in sentence for sentence in session.decided)
+    shown = texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    assert all(" ".join(sentence.split()[:3]) in shown for sentence in session.decided)
+    session.reset()
+    assert "StereoBM under" not in texts(drawn(sidebar.ICYMOON_PT_evaluation))
 
 
 @pytest.mark.heavy
