@@ -241,7 +241,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
     if found.scope == "DATASET":
         count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
         subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
-    sentences = [f"{subject}, {found.made.replace('T', ' ')[:16]} UTC"]
+    sentences = [f"{subject}; measured {found.made.replace('T', ' ')[:16]} UTC"]
     changed = _find_changed_settings(scene)
     other = [(topic, s) for topic, s in changed if s.key != "folder"]
     if other:

@@ -35,9 +35,9 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     assert results.read_stored_results(bpy.context.scene) == before
     assert shown(bpy.context.scene)
-    assert results.list_notes(bpy.context.scene) == ["Of an earlier pair, 2038-06-01 12:34 UTC"]
+    assert results.list_notes(bpy.context.scene) == ["Of an earlier pair; measured 2038-06-01 12:34 UTC"]
     bpy.context.scene.icymoon.pairs = f"{PAIR} other"
-    assert results.list_notes(bpy.context.scene) == ["Of the pair rendered last, 2038-06-01 12:34 UTC"]
+    assert results.list_notes(bpy.context.scene) == ["Of the pair rendered last; measured 2038-06-01 12:34 UTC"]
     assert results.find_report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
 
 
@@ -56,7 +56,7 @@ def test_the_best_matcher_is_reported_last():
 
 def test_the_number_of_pairs_of_a_data_set_is_told(scene, tmp_path):
     evaluated(scene, tmp_path, {**ROW, "pairs": 12}, scope="DATASET")
-    assert results.list_notes(scene) == ["Of the data set, 12 pairs, 2038-06-01 12:34 UTC"]
+    assert results.list_notes(scene) == ["Of the data set, 12 pairs; measured 2038-06-01 12:34 UTC"]
 
 
 def test_a_changed_setting_is_named_by_the_panel_that_has_it(scene, tmp_path):
