@@ -56,7 +56,7 @@ class DecidingOperator(JobOperator):
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)
         found = [show_controls(sentence) for sentence in self._job.result["head"] if sentence]
-        session.decided = (*found,) or ("No pair shows ground in reach; the report says why.",)
+        session.decided = (*found,) or ("No pair shows ground in reach; see the report.",)
         for sentence in session.decided:
             self.report({"INFO"}, sentence)
         if not bpy.app.background:
