@@ -73,7 +73,7 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.moons and light.directions_from == "ANGLES":
         sentences.append(
-            "light.moons has no effect, because moons need a date; set light.directions_from to DATE or KERNELS."
+            "light.moons has no effect, because moons need a date; set light.directions_from to DATE."
         )
     if light.stars and light.irradiance_band == "CAMERA":
         sentences.append(

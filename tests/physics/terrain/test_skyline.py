@@ -58,7 +58,7 @@ def test_the_body_falls_away_and_the_ground_ends():
     ],
 )
 def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
-    monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: _Wall())
+    monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed, with_skirts: _Wall())
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}, "terrain": {"body_radius_m": 1e8}})
     up = math.radians(elevation_deg)
     said = advise_on_skyline(settings, np.array([0.0, math.cos(up), math.sin(up)]), 0.1)
@@ -70,6 +70,6 @@ def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
     "changes", [{"hills": {"rms_slope_deg": 0.0}}, {"mesh": {"kind": "GRID"}}, {"source": {"kind": "MESH"}}]
 )
 def test_ground_without_hills_is_not_asked(monkeypatch, changes):
-    monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: pytest.fail("asked"))
+    monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed, with_skirts: pytest.fail("asked"))
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}}, changes)
     assert advise_on_skyline(settings, np.array([0.0, 1.0, 0.01]), 0.1) == []
