@@ -72,9 +72,7 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.moons and light.directions_from == "ANGLES":
-        sentences.append(
-            "light.moons has no effect, because moons need a date; set light.directions_from to DATE."
-        )
+        sentences.append("light.moons has no effect, because moons need a date; set light.directions_from to DATE.")
     if light.stars and light.irradiance_band == "CAMERA":
         sentences.append(
             "Stars include all wavelengths, but the Sun only those of the camera; set "
