@@ -36,7 +36,7 @@ class GeoKeys:
     text: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """For ``pair.json`` and exports: numbers as texts, so that they take a line each."""
+        """The keys as JSON for ``pair.json`` and exports; each list of numbers is one string, to stay on one line."""
         return {
             "directory": " ".join(map(str, self.directory)),
             "doubles": " ".join(map(repr, self.doubles)),

@@ -200,7 +200,7 @@ def check_ply(foreign: ForeignBytes) -> None:
     at = header.start
     for element in header.elements:
         if element.is_plain:
-            _check_plain(foreign, at, element, header.order, vertices)
+            _check_index_ranges(foreign, at, element, header.order, vertices)
             at += element.count * element.least_bytes
         else:
             at = _check_lists(foreign, at, element, header.order, vertices)
@@ -222,7 +222,7 @@ def _find_lowest(element: _Element, name: str) -> int | None:
     return -1 if element.name == "tristrips" and name in _FACE_LIST_NAMES else None  # -1 begins another strip
 
 
-def _check_plain(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> None:
+def _check_index_ranges(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> None:
     kind = element.row_type(order)
     names = [each.name for each in element.properties if _find_lowest(element, each.name) is not None]
     for row in range(0, element.count if names else 0, _ROWS_AT_ONCE):

@@ -178,8 +178,8 @@ def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.ty
 
 
 def keeps_light_groups(collection: bpy.types.Collection) -> bool:
-    """Whether ``update_sunlight`` leaves the ground, the rocks and their shapes as they are, apart from the inputs that
-    each render sets."""
+    """Whether the ground, the rocks and their shapes have the light groups that ``update_sunlight`` would
+    set."""
     return all(
         item.lightgroup == group for item, group in _list_light_groups([*find_built_objects(collection).values()])
     )

@@ -215,7 +215,7 @@ def start_batch(settings: Settings, command: list[str], plan: str) -> DetachedPr
 class DatasetOperator(JobOperator):
     """Mix-in: an operator that watches a data set."""
 
-    escapes = False
+    stops_on_escape = False
     _process: DetachedProcess
     _keeper: evaluate.ResultKeeper
 

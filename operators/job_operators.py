@@ -153,7 +153,7 @@ class JobOperator(WatchingOperator):
     """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
 
     #: Whether Esc, pressed twice, stops the job. Esc never stops jobs of hours.
-    escapes = True
+    stops_on_escape = True
     _job: jobs.Job
     _shown: tuple[str, ...] = ()
 
@@ -178,7 +178,7 @@ class JobOperator(WatchingOperator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         # Blender sends a quick second press first as a double click, and then as a press if no one handles the double
         # click.
-        if self.escapes and event.type == "ESC" and event.value == "PRESS" and not event.is_repeat:
+        if self.stops_on_escape and event.type == "ESC" and event.value == "PRESS" and not event.is_repeat:
             stops = self._job.escape()
             redraw_panels()
             return {"RUNNING_MODAL"} if stops else {"PASS_THROUGH"}

@@ -21,7 +21,7 @@ class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
 
     bl_idname = "icymoon.reproduce"
     bl_label = "Reproduce the GUISS Paper"
-    escapes = False
+    stops_on_escape = False
 
     size: bpy.props.EnumProperty(
         name="Pairs",

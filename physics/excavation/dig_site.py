@@ -126,8 +126,8 @@ def _file_state(file: str, setting: str) -> tuple[int, int] | None:
 
 @functools.lru_cache(maxsize=4)
 def _make_joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> ExcavationSite:
-    """The site of recorded joints. Because it depends on the arm and the ground, its key has all settings but the
-    state."""
+    """Make the site of recorded joints. It depends on the arm and the ground, so ``key`` is JSON of all settings except
+    the number of the excavation state."""
     settings = typed(json.loads(key))
     found, deepest = make_joint_pulls(settings)
     return _lay_out_site(

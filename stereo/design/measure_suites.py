@@ -260,7 +260,7 @@ def draw_sun(recipe: Recipe, sun: int, variety: Variety) -> Lighting:
     return replace(first, sun=own.sun)
 
 
-def sort_rows(rows: Sequence[Mapping[str, Any]], split: str) -> dict[str, dict[str, Mapping[str, Any]]]:
+def group_split_rows(rows: Sequence[Mapping[str, Any]], split: str) -> dict[str, dict[str, Mapping[str, Any]]]:
     """The rows of the grounds of a split, by ground and suite."""
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:

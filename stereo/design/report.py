@@ -42,7 +42,7 @@ from .compare_suites import (
     find_front,
     summarise,
 )
-from .measure_suites import LANDFORM, OWN, Study, sort_rows
+from .measure_suites import LANDFORM, OWN, Study, group_split_rows
 from .read_design import Design, Suite
 
 FORMAT, VERSION = "icymoon-design", 1
@@ -100,7 +100,7 @@ def write_design(out: Path, study: Study, rows: Sequence[_Row], seed: int) -> di
 def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]:
     """The content of ``design.json``."""
     design = study.design
-    own, landforms = (collect(design, sort_rows(rows, split)) for split in (OWN, LANDFORM))
+    own, landforms = (collect(design, group_split_rows(rows, split)) for split in (OWN, LANDFORM))
     bounds = compare(own)
     ranked = len(design.suites) > 2 and landforms.grounds and own.grounds
     ranking = compare_rankings(own.loss, landforms.loss, seed) if ranked else None

@@ -91,7 +91,8 @@ class _Evidence:
 
     @property
     def limit_px(self) -> Array:
-        """Differences from a point above which a disparity is wrong: the noise of the point may cause smaller ones."""
+        """Difference from its range point, px, above which a disparity is wrong; the point's noise may cause smaller
+        ones."""
         return np.hypot(_WRONG_PX, 2 * self.noise_px)
 
     @property

@@ -183,7 +183,7 @@ class IcyNet(nn.Module):
 
 
 def _normalize_locally(image: Tensor) -> Tensor:
-    """The image minus its mean, over its deviation, in a window around each pixel, limited to -1 to 1."""
+    """Return tanh of half of each pixel's difference from the mean around it in standard deviations, -1 to 1."""
     pad = _WINDOW_PX // 2
     padded = F.pad(image, (pad, pad, pad, pad), mode="reflect")
     mean, square = _average(padded), _average(padded * padded)

@@ -151,7 +151,7 @@ def test_the_hint_on_escape_is_seen_and_goes(told, context, clock):
 
 def test_jobs_of_hours_know_no_escape(told, context, clock):
     operator = Operator()
-    operator.escapes = False
+    operator.stops_on_escape = False
     for _ in range(2):
         operator.modal(context, ESCAPE)
     assert not operator.process.cancelled
