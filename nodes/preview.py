@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import bpy
 import numpy as np
@@ -166,12 +167,13 @@ def _show_differences(built: scenes.Built, settings: Settings, side: int) -> boo
             messages += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
+    find_site_m = cache(partial(_find_site_m, built, settings, ground))  # it may make the ground's function
     if jitter_rig(settings) != jitter_rig(before) or settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
             messages.append(_EDITED_MESSAGE.format("camera"))
         else:
-            _show_rig(built, settings, _find_site_m(built, settings, ground))
-    messages += _show_lander(built, settings, before, ground)
+            _show_rig(built, settings, find_site_m())
+    messages += _show_lander(built, settings, before, ground is not None, find_site_m)
     set_notes(built, messages)
     return ground is not None
 
@@ -380,10 +382,11 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
     return []
 
 
-def _show_lander(built: scenes.Built, settings: Settings, before: Settings, ground: Surface | None) -> list[str]:
-    """Move the lander and its arm according to ``settings``, or build it again, on ``ground`` if it has been made
-    already; return a sentence if it stays."""
-    there, new_ground = settings.lander.kind != "NONE", ground is not None
+def _show_lander(
+    built: scenes.Built, settings: Settings, before: Settings, new_ground: bool, find_site_m: Callable[[], float]
+) -> list[str]:
+    """Move the lander and its arm according to ``settings``, or build it again; return a sentence if it stays."""
+    there = settings.lander.kind != "NONE"
     if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
@@ -392,11 +395,10 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, grou
         return [str(reason) for reason in reasons]
     old = {role: item for role, item in find_built_objects(built.collection).items() if role in LANDER_ROLES.values()}
     if there and old and not new_ground and _only_joints_differ(settings, before):
-        place_lander(old, settings, _find_site_m(built, settings, ground))
+        place_lander(old, settings, find_site_m())
     else:
         scenes.remove_objects(list(old.values()))
-        made = build_lander(settings, _find_site_m(built, settings, ground), built.terrain) if there else []
-        for item in made:
+        for item in build_lander(settings, find_site_m(), built.terrain) if there else []:
             built.collection.objects.link(item)
             scenes.free_names([item, item.data, *item.data.materials])
     built.remember(merged(built.settings, {"lander": settings.lander, "arm": settings.arm}), built.preview, "lander")

@@ -665,3 +665,13 @@ def test_a_lander_of_a_moved_camera_stands_below_it(watched, kind):
     above = built.camera.matrix_world.translation.z - body.z
     assert watched.icymoon.rig.height_m == pytest.approx(above, abs=1e-4)
     assert abs(built.camera.matrix_world.translation.z - watched.icymoon.rig.height_m - before) > 0.01
+
+
+def test_a_moved_camera_with_a_lander_makes_the_ground_once(watched, monkeypatch):
+    change(watched, "mesh.kind", "GRADED")
+    change(watched, "lander.kind", "PARAMETRIC")
+    bpy.ops.icymoon.build_scene()
+    made, make = [], scenes.make_ground
+    monkeypatch.setattr(scenes, "make_ground", lambda settings: made.append(settings) or make(settings))
+    change(watched, "rig.x_m", 0.4)
+    assert len(made) == 1
