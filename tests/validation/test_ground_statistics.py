@@ -48,10 +48,11 @@ def _draw_power_law(random, index, n, most_m=math.inf):
 def _synthesise(hurst, seed, n=1024, shortest=0.0, longest=math.inf):
     """Heights (n/2, n/2) of half of a periodic Gaussian ground whose spectrum falls as k^-(2 + 2 H)."""
     k = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)[None, :])
-    k[0, 0] = np.inf
+    k[0, 0] = 1.0  # only to divide by; the mean height is no relief
     random = np.random.default_rng(seed)
     noise = random.standard_normal((2, *k.shape))
     amplitude = np.where((k * shortest < 1) & (k * longest > 1), k ** -(1 + hurst), 0.0)
+    amplitude[0, 0] = 0.0
     return np.fft.irfft2((noise[0] + 1j * noise[1]) * amplitude, (n, n))[: n // 2, : n // 2]
 
 
