@@ -100,6 +100,23 @@ def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
             assert len(fields.label_with_zero(setting)) + len(number) <= LINE - 1  # as screenshots show
 
 
+#: Subtypes of which Blender shows the unit beside the number.
+WITH_UNIT = {"DISTANCE", "DISTANCE_CAMERA", "PIXEL"}
+
+
+def test_a_number_of_pixels_metres_degrees_or_per_cent_has_its_unit():
+    bare = [
+        f"{topic}.{each.key}"
+        for topic, setting in list_all_settings()
+        for each in (setting, *setting.entries)
+        if each.unit in ("px", "m", "deg", "%", "s", "m/s²")
+        and each.subtype not in WITH_UNIT
+        and "(" not in each.label  # an angle, and what is counted in a unit of its own, have it there
+        and " per " not in each.label
+    ]
+    assert bare == []
+
+
 #: What 0 of these does follows from what they are: no limit.
 ALWAYS_ON = {"light.planet_least"}
 
