@@ -262,7 +262,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
 
 def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
     """The pairs of an evaluation in words, since the user does not know ids."""
-    last, several = set(pairs) <= set(rendered_last), len(pairs) > 1
+    last, several = bool(pairs) and set(pairs) <= set(rendered_last), len(pairs) > 1
     if last:
         return f"Of the {format_count(len(pairs), 'pair')} rendered last" if several else "Of the pair rendered last"
     return f"Of {format_count(len(pairs), 'earlier pair')}" if several else "Of an earlier pair"

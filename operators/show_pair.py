@@ -259,11 +259,18 @@ def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings."""
+    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings. Without one, why."""
     now = find_shown_pair(scene)
     if now is None:
-        return []
+        return [_explain_why_not_shown(scene)]
     return [replace_keys_by_labels(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
+
+
+def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
+    if find_kept_pairs(scene):
+        return "The pair is not shown"
+    # The scene knows its pair although the folder has changed or its files are gone.
+    return "The pair is not in Data Set ▸ Folder" if scene.icymoon.pairs else "No pair is rendered"
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------

@@ -37,8 +37,7 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         _draw_views(column.row(align=True), show_pair.VIEWS[start : start + columns], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    lines = show_pair.list_lines(scene) or ["The pair is not shown" if pairs else "No pair is rendered"]
-    draw_lines(layout, lines, "IMAGE_DATA", room_for=_ROOM)
+    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA", room_for=_ROOM)
     draw_export(layout, "SCENE")
 
 

@@ -9,12 +9,14 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from icymoon.operators import dataset, image_editor, live_preview, show_pair
+from evaluations import PAIR, evaluated
+from icymoon.operators import dataset, image_editor, live_preview, results, show_pair
 from icymoon.operators.session import session
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
 from icymoon.support.arrays import Array
 from numpy.testing import assert_array_equal  # its import starts a process, which a test forbids
+from pairs import write_pair
 from panel_drawing import Layout, drawn, texts
 
 
@@ -258,3 +260,16 @@ def test_a_render_opens_a_window_where_the_user_wants_it(rendered, monkeypatch, 
     monkeypatch.setattr(bpy.context.preferences.view, "render_display_type", preference)
     assert bpy.ops.icymoon.show_pair(automatic=automatic) == {"FINISHED"}
     assert asked == [opens]
+
+
+def test_a_pair_whose_files_are_elsewhere_is_not_said_to_be_unrendered(scene, tmp_path):
+    """The results below it tell of the pair that was rendered last."""
+    scene.icymoon.dataset.folder = str(tmp_path)
+    assert show_pair.list_lines(scene) == ["No pair is rendered"]
+    evaluated(scene, tmp_path)
+    assert results.list_notes(scene)[0].startswith("Of an earlier pair;")
+    scene.icymoon.pairs = PAIR
+    assert results.list_notes(scene)[0].startswith("Of the pair rendered last;")
+    assert show_pair.list_lines(scene) == ["The pair is not in Data Set ▸ Folder"]
+    write_pair(tmp_path / "pairs" / PAIR)
+    assert show_pair.list_lines(scene) == ["The pair is not shown"]
