@@ -38,7 +38,7 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
     draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA", room_for=_ROOM)
-    draw_export(layout, "SCENE")
+    draw_export(layout, scene, "SCENE")
 
 
 def _draw_views(

@@ -329,7 +329,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         column.scale_y = 1.4
         draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
-        draw_export(layout, "DATASET")
+        draw_export(layout, context.scene, "DATASET")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")
         draw_start(layout, "icymoon.reproduce", "Reproduce GUISS Paper…")
