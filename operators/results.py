@@ -18,7 +18,7 @@ from ..settings.table import list_differing_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
-from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC
+from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC, is_best
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
@@ -308,6 +308,21 @@ def describe_result(row: Mapping[str, Any]) -> str:
         f"{format_percent(row['coverage'])} with a mean "
         f"error of {format_metres(row['l1_m'])}"
     )
+
+
+def describe_verdict(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Which matcher has the fewest wrong pixels, and their share, in one line; ``rows`` as ``read_summary`` gives them.
+
+    It is called the best only where the report's comparison says so.
+    """
+    measured = [row for row in rows if row["n"]]
+    if not measured:
+        return "No matcher has a result"
+    first = measured[0]
+    name, wrong = describe_method(first["method"]), format_percent(first["total_bad_1"])
+    if len(measured) == 1:
+        return f"{name}: {wrong} wrong"
+    return f"Best: {name}, {wrong} wrong" if is_best(first, RANKING_METRIC, rows) else f"Fewest wrong: {name}, {wrong}"
 
 
 def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -154,6 +154,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         rows = results.read_summary(context.scene)
+        draw_lines(layout, (results.describe_verdict(rows),), "VIEWZOOM")
         origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:

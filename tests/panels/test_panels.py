@@ -710,3 +710,18 @@ def test_the_built_in_lander_has_a_plain_name_and_its_old_identifier(scene):
     assert labels["PARAMETRIC"] == "Built-in Lander"
     assert "Parametric" not in texts([*labels.values(), *(s.description for _, s in list_all_settings())])
     assert merged(defaults(), {"lander": {"kind": "PARAMETRIC"}}).lander.kind == "PARAMETRIC"  # of earlier files
+
+
+def first_label(scene, tmp_path, *rows):
+    return labels_of_results(scene, tmp_path, *rows)[0][0]
+
+
+def test_the_verdict_is_the_first_line_of_the_results(scene, tmp_path):
+    assert first_label(scene, tmp_path, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"
+    undecided = ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2)
+    assert first_label(scene, tmp_path, *undecided) == "Fewest wrong: SGBM, 10.0 %"
+    decided = ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2), ranked("jplv", 0.2, 1, 2)
+    assert first_label(scene, tmp_path, *decided) == "Best: SGBM, 10.0 % wrong"
+    nothing = {**ranked("igev", 1.0), "n": 0}
+    assert first_label(scene, tmp_path, nothing) == "No matcher has a result"
+    assert first_label(scene, tmp_path, nothing, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"
