@@ -47,7 +47,11 @@ VIEWS = (
     ("RIGHT", "Right", "The image of the right camera, pixel by pixel"),
     ("FLICKER", "Flicker", "Left and right in turn, aligned at the median depth. Nearer and farther ground moves"),
     ("ANAGLYPH", "Anaglyph", "For red and cyan glasses: the left image is red. Aligned at the median depth"),
-    ("DEPTH", "True Depth", "The true depth in colours over the left image"),
+    (
+        "DEPTH",
+        "True Depth",
+        "The true depth in colours over the left image. They end at the nearest and farthest 1 % of the pixels",
+    ),
 )
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image

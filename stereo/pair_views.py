@@ -21,7 +21,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.number_text import show_rounded
-from .images.colours import SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
+from .images.colours import DEPTH_ENDS, SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
 from .images.develop import DevelopedImages, develop, to_8_bit
 from .images.disparity_and_occlusion import find_scene_depth
 from .images.exr import read_depth, read_light
@@ -106,11 +106,27 @@ class PairViews:
         width = mixed.shape[1]
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
+    def _make_title(self, room_px: int, letter_px: float) -> str:
+        """The longest title of the colour bar that fits. It says where the colours end if they end before the depth."""
+        if self.range_m is None:
+            return "No depth"
+        low, high = self.range_m
+        whole = f"True depth, {low:.3g} to {high:.3g} m"
+        if self.scale.low <= low and high <= self.scale.high:
+            return whole
+        *longer, shortest = (
+            f"{name}{DEPTH_ENDS}" for name in (f"{whole}, bar ", "True depth (m), ", "Depth (m), ", "")
+        )
+        fitting = (title for title in longer if measure_text_width_px(title, letter_px) <= room_px)
+        return next(fitting, shortest.capitalize())
+
     def _draw_legend(self, width: int, size: float) -> Array:
-        legend = draw_colour_bar(width, self.scale, size, _INK_GREY, _PAPER_GREY)[..., ::-1].copy()
-        if np.isnan(self.depth).any():
-            letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
-            start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
+        letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
+        has_sky = bool(np.isnan(self.depth).any())
+        start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
+        scale = replace(self.scale, title=self._make_title((start - 3 * swatch if has_sky else width - swatch), letter))
+        legend = draw_colour_bar(width, scale, size, _INK_GREY, _PAPER_GREY)[..., ::-1].copy()
+        if has_sky:
             put_text(legend, "sky", start, baseline, letter, _INK_GREY)
             legend[baseline - swatch : baseline, start - round(1.5 * swatch) : start - swatch // 2] = SKY_GREY
         return legend
@@ -131,7 +147,6 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     left, right = images.for_matchers()
     shown = [_to_colour(to_8_bit(images.seen(eye), images.bits, images.encoding)) for eye in EYES]
     range_m = (float(known.min()), float(known.max())) if known.size else None
-    title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
         pair.id,
         _reduce(left, factor),
@@ -139,7 +154,7 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
         _reduce(shown[0], factor),
         _reduce(shown[1], factor),
         _sample_depth(depth, factor),
-        replace(make_depth_scale(depth), title=title),
+        make_depth_scale(depth),
         range_m,
         tuple(frame.seconds for frame in images.frames),
         images.saturated,

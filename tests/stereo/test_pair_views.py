@@ -10,8 +10,10 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.images.colours import SKY_GREY
+from icymoon.stereo import pair_views
+from icymoon.stereo.images.colours import SKY_GREY, Scale, draw_colour_bar
 from icymoon.stereo.images.image_files import read_png
+from icymoon.stereo.images.lettering import measure_text_width_px
 from icymoon.stereo.pair_views import read_pair_views
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.errors import IcyMoonError
@@ -82,6 +84,36 @@ def test_a_pair_without_sky_has_no_sky_in_its_legend(tmp_path, folder):
     legends = [views.pictures("DEPTH")[0][144:] for views in (ground, sky)]
     assert not (legends[0] == SKY_GREY).all(axis=-1).any(axis=0)[-60:].any()
     assert (legends[1] == SKY_GREY).all(axis=-1)[:, -60:].sum() > 50
+
+
+def titles_of(monkeypatch, views, view):
+    """The title that the colour bar of a view is drawn with, and whether it fits."""
+    drawn = []
+
+    def draw(width, scale, size, ink, paper):
+        drawn.append((scale.title, measure_text_width_px(scale.title, 8 * size) <= width))
+        return draw_colour_bar(width, scale, size, ink, paper)
+
+    monkeypatch.setattr(pair_views, "draw_colour_bar", draw)
+    views.pictures(view)
+    return drawn
+
+
+@pytest.mark.parametrize("view", ["DEPTH", "SIDE_BY_SIDE"])
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_the_legend_says_that_its_colours_end_before_the_depth(monkeypatch, folder, view, repeats):
+    views = read_pair_views(folder, {})
+    wide = {name: np.repeat(getattr(views, name), repeats, axis=1) for name in EYES_AND_DEPTH}
+    ((title, fits),) = titles_of(monkeypatch, replace(views, **wide), view)
+    assert "ends at 1 and 99 %" in title.lower()
+    assert fits
+    whole = replace(views, scale=Scale(*views.range_m))
+    ((title, fits),) = titles_of(monkeypatch, whole, view)
+    assert title == f"True depth, {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
+    assert titles_of(monkeypatch, replace(views, range_m=None), view)[0][0] == "No depth"
+
+
+EYES_AND_DEPTH = "left", "right", "shown_left", "shown_right", "depth"
 
 
 def test_eyes_are_aligned_at_the_median_depth(tmp_path):
