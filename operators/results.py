@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -418,16 +418,22 @@ def show_error_image(context: bpy.types.Context, open_window: bool, method: str 
     """``show_images`` for the error images, ``method`` first, and for depth and confidence if there are any."""
     errors, confidences = find_error_images(context.scene, method), _find_files(context.scene, "confidence")
     names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
+    names |= {path: f"Depth of {describe_method(name)}" for name, path in _find_files(context.scene, "depth")}
     names |= {path: f"Confidence of {describe_method(name)}" for name, path in confidences}
     more = [*find_depth_images(context.scene), *(path for _, path in confidences)]
     return show_images([*errors, *more] if errors else [], open_window, names)
 
 
-def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None) -> bool:
+def show_images(
+    paths: list[Path],
+    open_window: bool,
+    names: Mapping[Path, str] | None = None,
+    note: Callable[[bpy.types.Image], None] | None = None,
+) -> bool:
     """Load images and show the first in an Image Editor, as an undo step; False if there is no Image Editor.
 
     For ``open_window`` see ``image_editor.show_in_editor``. ``names`` are names of images in the editor, in place of
-    the names of their files.
+    the names of their files. ``note`` is called with each loaded image.
     """
 
     def show(area: bpy.types.Area) -> None:
@@ -435,6 +441,8 @@ def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] 
         for image, path in zip(images, paths, strict=True):
             image.reload()
             image.name = (names or {}).get(path, image.name)
+            if note is not None:
+                note(image)
         area.spaces.active.image = images[0]
         image_editor.zoom_to_fit(area)
         push_undo("Show Images")

@@ -32,6 +32,7 @@ from ..support.printer import show_controls
 from ..support.system import remove_folder
 from ..support.temporary_folders import make_scratch_folder
 from . import image_editor, live_preview, view_exposure
+from .camera_image_notes import AS_RECORDED
 from .evaluate import find_rendered_pairs
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
@@ -53,6 +54,15 @@ VIEWS = (
         "The true depth in colours over the left image. They end at the nearest and farthest 1 % of the pixels",
     ),
 )
+#: What each view shows, for the header of the Image Editor.
+_SHOWN = {
+    "SIDE_BY_SIDE": "left, right and true depth",
+    "LEFT": "left camera",
+    "RIGHT": "right camera",
+    "FLICKER": "left and right in turn",
+    "ANAGLYPH": "left in red, right in cyan",
+    "DEPTH": "true depth over the left image",
+}
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
@@ -268,6 +278,16 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
     if now is None:
         return [_explain_why_not_shown(scene)]
     return [replace_keys_by_labels(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
+
+
+def describe_picture(scene: bpy.types.Scene) -> str:
+    """Which pair of a scene the picture shows, what of it and how, then its lines; empty without one."""
+    now = find_shown_pair(scene)
+    if now is None:
+        return ""
+    pairs = find_kept_pairs(scene)
+    which = f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}" if len(pairs) > 1 else f"Pair {now.views.id}"
+    return "; ".join([f"{which}: {_SHOWN[now.view]}", AS_RECORDED, *now.views.lines])
 
 
 def _explain_why_not_shown(scene: bpy.types.Scene) -> str:

@@ -35,6 +35,24 @@ _COLOUR_SHARE = 0.6  # of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 
 
+#: Share of the range of an image below which a pixel looks black, and the share of such pixels that a line names.
+_BLACK_LEVEL, _LEAST_BLACK_SHARE = 0.04, 0.5
+#: An image whose brightest hundredth is below this share of the range has too little exposure everywhere.
+_LIT_LEVEL = 0.2
+
+
+def describe_darkness(levels: Array) -> str:
+    """Which share of an image is nearly black, and why, in a line of the sidebar; empty if it is less than half.
+
+    ``levels``, of any shape, are the numbers of the image as shares of their range, as a screen shows them.
+    """
+    black = float(np.mean(levels < _BLACK_LEVEL))
+    if black < _LEAST_BLACK_SHARE:
+        return ""
+    cause = "shadow or sky" if np.quantile(levels, 0.99) >= _LIT_LEVEL else "low exposure"
+    return f"{100 * black:.0f} % dark: {cause}"
+
+
 @dataclass(frozen=True)
 class PairViews:
     """The images of a pair, uint8, its true depth, and facts about both."""
@@ -52,6 +70,7 @@ class PairViews:
     shift_px: int  # disparity of the median depth, whole pixels
     reduced: int  # factor by which width and height are reduced
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
+    darkness: str  # ``describe_darkness`` of the left image
 
     def pictures(self, view: str) -> list[Array]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that alternate. KeyError for an unknown
@@ -76,12 +95,12 @@ class PairViews:
 
     @property
     def lines(self) -> list[str]:
-        """Short lines about the pair: exposure and depth."""
+        """Short lines about the pair: exposure and depth, and darkness of the left image if most of it is dark."""
         times = [_format_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
         share = "none saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
         depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
-        return [f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
+        return [f"{' to '.join(times)}, {share}", ", ".join([depth, *size]), *filter(None, [self.darkness])]
 
     def _make_side_by_side(self) -> list[Array]:
         depth = draw_true_depth(self.depth, self.scale)[..., ::-1]
@@ -161,6 +180,7 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
         _find_shift_px(pair, known) // factor,
         factor,
         (*_describe_left_out(pair, settings), *images.warnings),
+        describe_darkness(left / 255),
     )
 
 

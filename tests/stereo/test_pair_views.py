@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pairs
@@ -14,7 +15,7 @@ from icymoon.stereo import pair_views
 from icymoon.stereo.images.colours import SKY_GREY, Scale, draw_colour_bar
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.images.lettering import measure_text_width_px
-from icymoon.stereo.pair_views import read_pair_views
+from icymoon.stereo.pair_views import describe_darkness, read_pair_views
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.errors import IcyMoonError
 
@@ -103,7 +104,7 @@ def titles_of(monkeypatch, views, view):
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_the_legend_says_that_its_colours_end_before_the_depth(monkeypatch, folder, view, repeats):
     views = read_pair_views(folder, {})
-    wide = {name: np.repeat(getattr(views, name), repeats, axis=1) for name in EYES_AND_DEPTH}
+    wide: dict[str, Any] = {name: np.repeat(getattr(views, name), repeats, axis=1) for name in EYES_AND_DEPTH}
     ((title, fits),) = titles_of(monkeypatch, replace(views, **wide), view)
     assert "ends at 1 and 99 %" in title.lower()
     assert fits
@@ -156,6 +157,24 @@ def test_lines_state_exposure_and_depth_of_the_pair(folder):
     assert any("saturated" in warning for warning in views.warnings)
     assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[0].startswith("2 s to 80 µs, ")
     assert replace(views, saturated=0.0, range_m=None).lines == ["12.5 ms, none saturated", "All sky"]
+
+
+def test_a_dark_image_is_told_with_its_cause():
+    levels = np.full((10, 100), 0.5)
+    assert describe_darkness(levels) == ""
+    levels[:6] = 0.0
+    assert describe_darkness(levels) == "60 % dark: shadow or sky"
+    assert describe_darkness(np.full(9, 0.06)) == ""  # dim, but not black
+    assert describe_darkness(0.02 * levels) == "100 % dark: low exposure"
+
+
+def test_the_lines_of_a_pair_name_its_darkness(folder):
+    bright = read_pair_views(folder, {})
+    dark = read_pair_views(folder, {"sensor": {"auto_exposure": False, "exposure_s": 1e-9}})
+    assert np.mean(dark.left) < 0.01 * np.mean(bright.left)
+    assert len(bright.lines) == 2
+    assert dark.lines[2] == "100 % dark: low exposure"
+    assert len(dark.lines[2]) <= 30  # beside an icon
 
 
 def test_what_needs_opencv_is_left_out_and_named(tmp_path, folder, monkeypatch):
