@@ -125,25 +125,34 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
 
 def draw_lines(
     layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "", room_for: str = ""
-) -> None:
+) -> int:
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
-    begins with ``hang``.
+    begins with ``hang``. Returns the number of lines.
 
     The text takes at least as many lines as the text ``room_for``, so that fields below stay in place while the text
     changes.
     """
-    column, has_icon = layout.column(align=True), icon != "NONE"
+    has_icon = icon != "NONE"
     drawn = [part for each in lines for part in wrap_lines(each, hang, has_icon)]
     drawn += [""] * (len(wrap_lines(room_for, hang, has_icon)) - len(drawn) if room_for else 0)
+    if not drawn:
+        return 0  # an empty column would be a gap
+    column = layout.column(align=True)
     for k, line in enumerate(drawn):
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)
+    return len(drawn)
 
 
-def draw_sentence(
-    layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "", room_for: str = ""
-) -> None:
-    """Draw a sentence, with labels instead of keys; see ``draw_lines``."""
-    draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang, room_for)
+def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> int:
+    """Draw a sentence, with labels instead of keys, and return its number of lines; see ``draw_lines``."""
+    return draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
+
+
+def fill_room(layout: bpy.types.UILayout, drawn: int, texts: Iterable[str]) -> None:
+    """Draw empty lines below ``drawn`` lines, up to the lines that ``texts`` would take beside icons, so that fields
+    below stay in place while the lines change."""
+    for _ in range(sum(len(wrap_lines(text, icon=True)) for text in texts) - drawn):
+        layout.label(text="")
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:

@@ -94,7 +94,8 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
     column = layout.column(align=True)
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
     fits = len(lines[2]) <= sidebar_text.measure_line_length() - _ICON_BUTTON_CHARACTERS
-    draw_lines(column, () if fits else (lines[2],))
+    if not fits:
+        draw_lines(column, (lines[2],))
     column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness", icon="GRAPH")
 
 
