@@ -50,14 +50,14 @@ _PLAIN_VIEW: dict[str, Any] = {
 }
 
 
-def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
+def show_scene(context: bpy.types.Context, built: scenes.Built) -> int:
     """Look through the stereo camera in the 3D View with the button, with rendered shading and without overlays.
 
-    The local view hides the user's objects in this view. They are not changed.
+    The local view hides the user's objects in this view. They are not changed. Returns how many it hides now.
     """
     space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
-        return
+        return 0
     uid = context.scene.session_uid
     session.views_left.discard((space.as_pointer(), uid))
     before = session.views_before.setdefault(
@@ -76,7 +76,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     shown = find_points(context.scene), lidar_in_view.find_shown(context.scene)
     ours = {*built.collection.all_objects, *(item for item in shown if item is not None)}
     foreign = [o for o in context.scene.objects if o not in ours and o.visible_get()]
-    if foreign and space.local_view is None:
+    hides = bool(foreign) and space.local_view is None
+    if hides:
         selected = context.selected_objects
         bpy.ops.object.select_all(action="DESELECT")
         for item in ours:
@@ -93,6 +94,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     if space.use_local_camera:
         space.camera = built.camera
     space.region_3d.view_perspective = "CAMERA"
+    return len(foreign) if hides else 0
 
 
 def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
@@ -209,18 +211,26 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     view_resolution.begin_coarse(scene)
     session.picture.remove()
     shadow_warning.schedule_check(scene)
+    hidden = 0
     if not bpy.app.background:
         if before is None:
-            show_scene(context, built)
+            hidden = show_scene(context, built)
         else:
             look_through(views, built)
-    mesh = built.terrain.data
-    operator.report(
-        {"INFO"},
-        f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
-        f"and {format_count(built.rock_count, 'rock')}",
-    )
+    operator.report({"INFO"}, describe_build(built, hidden))
     return {"FINISHED"}
+
+
+def describe_build(built: scenes.Built, hidden: int) -> str:
+    """What was built, and how many of the user's objects the view hides."""
+    mesh = built.terrain.data
+    said = (
+        f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+        f"and {format_count(built.rock_count, 'rock')}"
+    )
+    if hidden:
+        said += f"; this view hides {format_count(hidden, 'object')} of your own, numpad / shows all"
+    return said
 
 
 def light_untouched_scene(scene: bpy.types.Scene) -> bool:

@@ -82,7 +82,10 @@ def make_map_arguments(scene: bpy.types.Scene, settings: Settings) -> list[str]:
 
 
 class ResultKeeper:
-    """Handles the messages of an evaluation, and stores its results with the scene and the settings."""
+    """Handles the messages of an evaluation, and stores its results with the scene and the settings.
+
+    A scene that knows no pair keeps the measured pairs too, so that they can be shown.
+    """
 
     def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
         self._uid = scene.session_uid
@@ -97,6 +100,8 @@ class ResultKeeper:
         """Store the results after the evaluator has written its report."""
         if message["type"] == "result" and self.scene is not None:
             results.keep_results(self.scene, self._scope, self._settings, self._pairs)
+            if not self.scene.icymoon.pairs:  # after undo: the pairs of these settings were found in the data set
+                self.scene.icymoon.pairs = " ".join(self._pairs)
 
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Report the metrics to the user."""

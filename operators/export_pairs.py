@@ -12,7 +12,7 @@ from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import has_pairs
 from ..render.workers.job_commands import blender_command, python_command
 from ..settings.blender import scene_properties
-from ..settings.topics.scene import typed
+from ..settings.topics.scene import Settings, typed
 from ..stereo.export import OPTIONS, exports_with_blender, list_options, list_titles
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
@@ -92,6 +92,18 @@ def _read_has_pairs(dataset: Path, changed_ns: tuple[int, ...], period: int) -> 
     return has_pairs(dataset)
 
 
+def find_export(scene: bpy.types.Scene, source: str) -> Exported | None:
+    """The last export if it still is of the pairs that a ``source`` has; None otherwise.
+
+    Why an export failed counts until a setting changes, since that may be the remedy.
+    """
+    done = session.exported
+    if done is None or done.source != source or find_sources(scene).get(source) != [*done.paths]:
+        return None
+    is_past = not done.folder and done.settings != scene_properties.read_for_display(scene.icymoon)
+    return None if is_past else done
+
+
 class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  # type: ignore[misc]
     """Write the last pairs or the whole data set as other programs read them: KITTI, Middlebury, COLMAP, ROS 2, meshes and others"""  # noqa: E501
 
@@ -145,6 +157,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         if not paths:
             raise IcyMoonError("There is no rendered pair; press Render Stereo Pair first.")
         self._out = absolute_path(self.filepath, "the folder", bpy.path.abspath("//"))
+        self._paths, self._settings = tuple(paths), scene_properties.read_for_display(context.scene.icymoon)
         present = is_developed(self.kind) and (self.source == "SCENE" or self.response)
         command = self._make_command(
             "export",
@@ -177,16 +190,22 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
             return blender_command(jobs.find_this_blender(), "stereo", *arguments)
 
     def report_end(self, context: bpy.types.Context) -> None:
+        self._keep_outcome()
+        super().report_end(context)
+
+    def _keep_outcome(self) -> None:
         """Keep the folder and the sentences of the export for the sidebar."""
         job = self._job
         sentences = [format_for_window(each) for each in (*job.warnings, *filter(None, [job.failure]))]
-        session.exported = Exported("" if job.failure else str(self._out), tuple(sentences))
-        super().report_end(context)
+        folder = "" if job.failure else str(self._out)
+        session.exported = Exported(folder, tuple(sentences), self.source, self._paths, self._settings)
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, show_controls(f"Exported to {self._out}"))
 
     _out: Path
+    _paths: tuple[Path, ...]
+    _settings: Settings
 
 
 CLASSES = (ICYMOON_OT_export_pairs,)

@@ -15,6 +15,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import jobs, live_preview
+from .camera_image_notes import note_camera_image
 from .render import find_dataset_folder
 from .session import session
 from .show_camera_image import start_developing
@@ -81,6 +82,7 @@ def _finish_development(job: jobs.Job) -> None:
     for image in bpy.data.images:
         if image.filepath and Path(bpy.path.abspath(image.filepath)).parent in folders:
             image.reload()
+            note_camera_image(image)
     _show_notes([job.failure] if job.failure else job.warnings)
     redraw("IMAGE_EDITOR")
 

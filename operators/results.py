@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..settings.table import list_differing_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
-from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC
+from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC, is_best
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
@@ -262,7 +262,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
 
 def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
     """The pairs of an evaluation in words, since the user does not know ids."""
-    last, several = set(pairs) <= set(rendered_last), len(pairs) > 1
+    last, several = bool(pairs) and set(pairs) <= set(rendered_last), len(pairs) > 1
     if last:
         return f"Of the {format_count(len(pairs), 'pair')} rendered last" if several else "Of the pair rendered last"
     return f"Of {format_count(len(pairs), 'earlier pair')}" if several else "Of an earlier pair"
@@ -308,6 +308,21 @@ def describe_result(row: Mapping[str, Any]) -> str:
         f"{format_percent(row['coverage'])} with a mean "
         f"error of {format_metres(row['l1_m'])}"
     )
+
+
+def describe_verdict(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Which matcher has the fewest wrong pixels, and their share, in one line; ``rows`` as ``read_summary`` gives them.
+
+    It is called the best only where the report's comparison says so.
+    """
+    measured = [row for row in rows if row["n"]]
+    if not measured:
+        return "No matcher has a result"
+    first = measured[0]
+    name, wrong = describe_method(first["method"]), format_percent(first["total_bad_1"])
+    if len(measured) == 1:
+        return f"{name}: {wrong} wrong"
+    return f"Best: {name}, {wrong} wrong" if is_best(first, RANKING_METRIC, rows) else f"Fewest wrong: {name}, {wrong}"
 
 
 def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -403,16 +418,22 @@ def show_error_image(context: bpy.types.Context, open_window: bool, method: str 
     """``show_images`` for the error images, ``method`` first, and for depth and confidence if there are any."""
     errors, confidences = find_error_images(context.scene, method), _find_files(context.scene, "confidence")
     names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
+    names |= {path: f"Depth of {describe_method(name)}" for name, path in _find_files(context.scene, "depth")}
     names |= {path: f"Confidence of {describe_method(name)}" for name, path in confidences}
     more = [*find_depth_images(context.scene), *(path for _, path in confidences)]
     return show_images([*errors, *more] if errors else [], open_window, names)
 
 
-def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None) -> bool:
+def show_images(
+    paths: list[Path],
+    open_window: bool,
+    names: Mapping[Path, str] | None = None,
+    note: Callable[[bpy.types.Image], None] | None = None,
+) -> bool:
     """Load images and show the first in an Image Editor, as an undo step; False if there is no Image Editor.
 
     For ``open_window`` see ``image_editor.show_in_editor``. ``names`` are names of images in the editor, in place of
-    the names of their files.
+    the names of their files. ``note`` is called with each loaded image.
     """
 
     def show(area: bpy.types.Area) -> None:
@@ -420,6 +441,8 @@ def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] 
         for image, path in zip(images, paths, strict=True):
             image.reload()
             image.name = (names or {}).get(path, image.name)
+            if note is not None:
+                note(image)
         area.spaces.active.image = images[0]
         image_editor.zoom_to_fit(area)
         push_undo("Show Images")

@@ -33,10 +33,14 @@ class ShownPair:
 
 @dataclass(frozen=True)
 class Exported:
-    """The last export: its folder, empty if it failed, and sentences on what was left out or went wrong."""
+    """The last export: its folder, empty if it failed, and sentences on what was left out or went wrong; which folders
+    it was of, and with which settings."""
 
     folder: str
     sentences: tuple[str, ...]
+    source: str
+    paths: tuple[Path, ...]
+    settings: Settings
 
 
 @dataclass

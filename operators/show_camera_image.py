@@ -12,6 +12,7 @@ from ..settings.topics.scene import Settings
 from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs, results
+from .camera_image_notes import name_camera_image, note_camera_image
 from .evaluate import find_rendered_pairs, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
@@ -45,9 +46,14 @@ class ICYMOON_OT_expose(JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         folders = map(Path, self._job.result["folders"])
-        images = [folder / f"{eye}.png" for folder in folders for eye in ("left", "right")]
+        names = {
+            folder / f"{eye}.png": name_camera_image(folder.name, eye)
+            for folder in folders
+            for eye in ("left", "right")
+        }
+        images = list(names)
         self.report({"INFO"}, show_controls(f"{format_count(len(images), 'image')} in {images[0].parent.parent}"))
-        results.show_images(images, open_window=True)
+        results.show_images(images, open_window=True, names=names, note=note_camera_image)
 
 
 CLASSES = (ICYMOON_OT_expose,)

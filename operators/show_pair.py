@@ -32,6 +32,7 @@ from ..support.printer import show_controls
 from ..support.system import remove_folder
 from ..support.temporary_folders import make_scratch_folder
 from . import image_editor, live_preview, view_exposure
+from .camera_image_notes import AS_RECORDED
 from .evaluate import find_rendered_pairs
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
@@ -47,8 +48,21 @@ VIEWS = (
     ("RIGHT", "Right", "The image of the right camera, pixel by pixel"),
     ("FLICKER", "Flicker", "Left and right in turn, aligned at the median depth. Nearer and farther ground moves"),
     ("ANAGLYPH", "Anaglyph", "For red and cyan glasses: the left image is red. Aligned at the median depth"),
-    ("DEPTH", "True Depth", "The true depth in colours over the left image"),
+    (
+        "DEPTH",
+        "True Depth",
+        "The true depth in colours over the left image. They end at the nearest and farthest 1 % of the pixels",
+    ),
 )
+#: What each view shows, for the header of the Image Editor.
+_SHOWN = {
+    "SIDE_BY_SIDE": "left, right and true depth",
+    "LEFT": "left camera",
+    "RIGHT": "right camera",
+    "FLICKER": "left and right in turn",
+    "ANAGLYPH": "left in red, right in cyan",
+    "DEPTH": "true depth over the left image",
+}
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
@@ -259,11 +273,28 @@ def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings."""
+    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings. Without one, why."""
     now = find_shown_pair(scene)
     if now is None:
-        return []
+        return [_explain_why_not_shown(scene)]
     return [replace_keys_by_labels(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
+
+
+def describe_picture(scene: bpy.types.Scene) -> str:
+    """Which pair of a scene the picture shows, what of it and how, then its lines; empty without one."""
+    now = find_shown_pair(scene)
+    if now is None:
+        return ""
+    pairs = find_kept_pairs(scene)
+    which = f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}" if len(pairs) > 1 else f"Pair {now.views.id}"
+    return "; ".join([f"{which}: {_SHOWN[now.view]}", AS_RECORDED, *now.views.lines])
+
+
+def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
+    if find_kept_pairs(scene):
+        return "The pair is not shown"
+    # The scene knows its pair although the folder has changed or its files are gone.
+    return "The pair is not in Data Set ▸ Folder" if scene.icymoon.pairs else "No pair is rendered"
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------

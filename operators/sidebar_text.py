@@ -98,6 +98,17 @@ def describe_place(topic: str, setting: Setting) -> str:
     return f"{_OTHER_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT_SUFFIX.sub('', setting.label)}"
 
 
+def describe_value(name: str, settings: Settings, panel: str = "") -> str:
+    """The value of a setting ``topic.key`` in words: 'Light ▸ Planet is off'; 'Planet is off' within the ``panel`` of
+    its topic."""
+    topic, _, key = name.partition(".")
+    setting, value = TOPICS[topic][key], settings[topic][key]
+    plain = "off" if value is False else "on" if value is True else f"{value or 'empty'}"
+    text = setting.choice_labels.get(value, plain) if setting.choices else plain
+    place = _UNIT_SUFFIX.sub("", setting.label) if topic == panel else describe_place(topic, setting)
+    return f"{place} is {'0' if value == 0 and value is not False else text}"
+
+
 def format_for_window(message: object) -> str:
     """A message as an operator reports it: in the window with the labels of settings, headless with their keys."""
     return show_controls(str(message) if bpy.app.background else replace_keys_by_labels(str(message)))

@@ -47,7 +47,10 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
         column.prop(group, "scanner", text="")
         if group.scanner == OWN_SCANNER:
             column.prop(group, "file", text="")
-        for key in ("rows", "columns", "detector", "ice"):
+        for key in ("rows", "columns"):
+            column.prop(group, key)
+        draw_lines(column, ("0: as many as the scanner has",))
+        for key in ("detector", "ice"):
             column.prop(group, key)
         column = layout.column()
         column.active = group.detector  # only a detector receives a waveform

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators.session import session
+from ..operators.export_pairs import find_export
 from .fields import draw_lines, draw_start
 
 #: Maximum number of sentences on an export in the sidebar; the Info editor has all sentences.
 _MOST_SENTENCES = 3
 
 
-def draw_export(layout: bpy.types.UILayout, source: str) -> None:
-    """Draw the button that exports pairs of a ``source`` of the operator, and the outcome of the last export."""
+def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str) -> None:
+    """Draw the button that exports pairs of a ``source`` of the operator, and the outcome of the last export of
+    them."""
     row = layout.row()
     row.operator_context = "INVOKE_DEFAULT"
     draw_start(row, "icymoon.export_pairs", "Export…", "EXPORT", source=source)
-    done = session.exported
+    done = find_export(scene, source)
     if done is None:
         return
     if done.folder:

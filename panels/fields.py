@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import bpy
 
 from ..operators.session import session
-from ..operators.sidebar_text import LINE, measure_line_length, replace_keys_by_labels, wrap_lines
+from ..operators.sidebar_text import LINE, describe_value, measure_line_length, replace_keys_by_labels, wrap_lines
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Section, Setting
@@ -23,6 +23,8 @@ _EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke",
 _VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
 #: Characters that the icon of a button takes.
 _ICON_CHARACTERS = 4
+#: Maximum number of reasons below the fields of a panel, and of settings that a reason names.
+_MOST_REASONS, _MOST_DECIDING = 3, 2
 
 
 class _Field(NamedTuple):
@@ -38,6 +40,7 @@ class _Found:
 
     settings: Settings | None = None
     fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
+    reasons: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[str, ...]]] = {}
 
 
 def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
@@ -49,11 +52,33 @@ def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]
     if _Found.settings is not settings:
         _Found.settings = settings
         _Found.fields.clear()
+        _Found.reasons.clear()
     if (topic, keys) not in _Found.fields:
         _Found.fields[topic, keys] = tuple(
             _describe(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
         )
     return _Found.fields[topic, keys]
+
+
+def explain_grey_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[str, ...]:
+    """Sentences on why some of the fields that ``find_fields`` finds are grey; empty if none is."""
+    fields = find_fields(root, topic, keys)
+    if (topic, keys) not in _Found.reasons:
+        settings = scene_properties.read_for_display(root)
+        grey = [each.setting.key for each in fields if not each.has_effect]
+        found = list(dict.fromkeys(TOPICS[topic].list_obstacles(key, settings) or () for key in grey))
+        # What one setting decides need not be said again with another.
+        brief = [each for each in found if not any(set(other) < set(each) for other in found if other)]
+        _Found.reasons[topic, keys] = tuple(_explain_grey(topic, each, settings) for each in brief[:_MOST_REASONS])
+    return _Found.reasons[topic, keys]
+
+
+def _explain_grey(topic: str, deciding: tuple[str, ...], settings: Settings) -> str:
+    if not deciding:
+        return f"Grey: unused by {TOPICS[topic].label}"
+    values = [describe_value(name, settings, topic) for name in deciding[:_MOST_DECIDING]]
+    more = len(deciding) - len(values)
+    return f"Grey while {', '.join(values)} and {more} more" if more else f"Grey while {' and '.join(values)}"
 
 
 def _describe(topic: str, key: str, settings: Settings) -> _Field:
@@ -63,7 +88,10 @@ def _describe(topic: str, key: str, settings: Settings) -> _Field:
 
 
 def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> None:
-    """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``."""
+    """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
+
+    Why fields are grey follows below them, because fields must not move while the user drags one.
+    """
     group = getattr(root, topic)
     for setting, acts, meaning in find_fields(root, topic, keys):
         row = layout.row()
@@ -74,6 +102,8 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
             draw_field(row, group, setting)
         if meaning:
             draw_sentence(layout, meaning)
+    for reason in explain_grey_fields(root, topic, keys):
+        draw_lines(layout, (reason,), "INFO")
 
 
 def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: object) -> None:
@@ -95,25 +125,34 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
 
 def draw_lines(
     layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "", room_for: str = ""
-) -> None:
+) -> int:
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
-    begins with ``hang``.
+    begins with ``hang``. Returns the number of lines.
 
     The text takes at least as many lines as the text ``room_for``, so that fields below stay in place while the text
     changes.
     """
-    column, has_icon = layout.column(align=True), icon != "NONE"
+    has_icon = icon != "NONE"
     drawn = [part for each in lines for part in wrap_lines(each, hang, has_icon)]
     drawn += [""] * (len(wrap_lines(room_for, hang, has_icon)) - len(drawn) if room_for else 0)
+    if not drawn:
+        return 0  # an empty column would be a gap
+    column = layout.column(align=True)
     for k, line in enumerate(drawn):
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)
+    return len(drawn)
 
 
-def draw_sentence(
-    layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "", room_for: str = ""
-) -> None:
-    """Draw a sentence, with labels instead of keys; see ``draw_lines``."""
-    draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang, room_for)
+def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> int:
+    """Draw a sentence, with labels instead of keys, and return its number of lines; see ``draw_lines``."""
+    return draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
+
+
+def fill_room(layout: bpy.types.UILayout, drawn: int, texts: Iterable[str]) -> None:
+    """Draw empty lines below ``drawn`` lines, up to the lines that ``texts`` would take beside icons, so that fields
+    below stay in place while the lines change."""
+    for _ in range(sum(len(wrap_lines(text, icon=True)) for text in texts) - drawn):
+        layout.label(text="")
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:

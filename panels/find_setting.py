@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..operators.dialogs import SearchDialog
-from ..operators.sidebar_text import describe_place
+from ..operators.sidebar_text import describe_place, describe_value
 from ..settings.blender import scene_properties
 from ..settings.find_settings import find_settings
 from ..settings.table import TOPICS, list_all_settings
@@ -29,13 +29,7 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
     deciding = TOPICS[topic].list_obstacles(key, settings)
     if deciding is None:
         return ""
-    values = []
-    for name in deciding:
-        of, _, other = name.partition(".")
-        setting, value = TOPICS[of][other], settings[of][other]
-        plain = "off" if value is False else "on" if value is True else f"{value or 'empty'}"
-        text = setting.choice_labels.get(value, plain) if setting.choices else plain
-        values.append(f"{describe_place(of, setting)} is {'0' if value == 0 and value is not False else text}")
+    values = [describe_value(name, settings) for name in deciding]
     return f"Unused while {' and '.join(values)}" if values else f"Unused by {TOPICS[topic].label}"
 
 

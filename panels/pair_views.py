@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..nodes.build_scene import find_collection
-from ..operators import show_pair
+from ..operators import camera_image_notes, show_pair
 from ..operators.session import ShownPair
 from ..operators.sidebar_text import measure_line_length
 from .exports import draw_export
@@ -37,9 +37,8 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         _draw_views(column.row(align=True), show_pair.VIEWS[start : start + columns], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    lines = show_pair.list_lines(scene) or ["The pair is not shown" if pairs else "No pair is rendered"]
-    draw_lines(layout, lines, "IMAGE_DATA", room_for=_ROOM)
-    draw_export(layout, "SCENE")
+    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA", room_for=_ROOM)
+    draw_export(layout, scene, "SCENE")
 
 
 def _draw_views(
@@ -60,12 +59,15 @@ def _draw_choice(row: bpy.types.UILayout, view: str, number: int, count: int) ->
 
 
 def _draw_header(self: bpy.types.Header, context: bpy.types.Context) -> None:
-    now = show_pair.find_shown_pair(context.scene)
-    if now is None or context.space_data.image is None or context.space_data.image != show_pair.find_image():
+    now, image = show_pair.find_shown_pair(context.scene), context.space_data.image
+    if image is None:
         return
-    number = 1 + show_pair.find_kept_pairs(context.scene).index(now.folder)
-    _draw_views(self.layout.row(align=True), show_pair.VIEWS, now, number)
-    self.layout.label(text="; ".join(now.views.lines))
+    if now is not None and image == show_pair.find_image():
+        number = 1 + show_pair.find_kept_pairs(context.scene).index(now.folder)
+        _draw_views(self.layout.row(align=True), show_pair.VIEWS, now, number)
+        self.layout.label(text=show_pair.describe_picture(context.scene))
+    elif note := camera_image_notes.read_note(image):
+        self.layout.label(text=note)
 
 
 def register() -> None:

@@ -8,6 +8,7 @@ import bpy
 from ..nodes.build_scene import find_collection
 from ..operators import manual, recent_pairs
 from ..operators.session import session
+from .fields import draw_lines
 from .sidebar import Sidebar
 
 #: Size of a picture in heights of a button.
@@ -37,7 +38,7 @@ class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         pairs = recent_pairs.list_recent(context.scene)
         if not pairs:
-            column.label(text="No pair is rendered")
+            draw_lines(column, ("No pair in Data Set ▸ Folder",))
         for pair in pairs:
             row = column.split(factor=_PICTURE_SHARE)
             icon = recent_pairs.find_icon(pair)

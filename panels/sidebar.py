@@ -34,7 +34,7 @@ from . import previews
 from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
 from .exports import draw_export
-from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start
+from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
 from .find_setting import draw_search
 from .pair_views import draw_pair
 from .view_line import LONGEST, describe_view
@@ -125,8 +125,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.list_lines(context.scene):
-            draw_lines(layout, shown, "INFO", room_for=_STATUS_ROOM)
-            scene = context.scene
+            scene, column = context.scene, layout.column(align=True)
+            drawn = draw_lines(column, shown, "INFO")
             told = describe_view(
                 context.space_data,
                 scene.render.engine,
@@ -136,7 +136,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
                 view_exposure.is_without_planetshine(scene),
                 preview.has_coarse_ground(scene),
             )
-            draw_sentence(layout, told, "SHADING_RENDERED", room_for=LONGEST)
+            drawn += draw_sentence(column, told, "SHADING_RENDERED")
+            fill_room(column, drawn, (_STATUS_ROOM, LONGEST))
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
@@ -154,6 +155,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         rows = results.read_summary(context.scene)
+        draw_lines(layout, (results.describe_verdict(rows),), "VIEWZOOM")
         origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
@@ -172,9 +174,9 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         meanings = (*painted_errors.make_legend(context.scene), *measured_surface.make_legend(context.scene))
         if meanings:
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
-        column = layout.column(align=True)
-        for meaning, icon in meanings:
-            draw_sentence(column, meaning, icon)
+            column = layout.column(align=True)
+            for meaning, icon in meanings:
+                draw_sentence(column, meaning, icon)
         # The explanations are below the buttons, so that the buttons are in sight of the table.
         explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):
@@ -329,7 +331,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         column.scale_y = 1.4
         draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
-        draw_export(layout, "DATASET")
+        draw_export(layout, context.scene, "DATASET")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")
         draw_start(layout, "icymoon.reproduce", "Reproduce GUISS Paper…")

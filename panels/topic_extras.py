@@ -26,6 +26,8 @@ from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 _albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(surface_law.find_albedos)
 #: Characters that the margins of a button take.
 _BUTTON_CHARACTERS = 3
+#: Characters that the margins and the icon of a button take.
+_ICON_BUTTON_CHARACTERS = 5
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
@@ -56,10 +58,13 @@ def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) ->
 
 
 def draw_placing(layout: bpy.types.UILayout, target: str) -> None:
-    """Draw the button that places a ``target`` of the operator, which its panel names, by a click on the ground."""
+    """Draw the button that places a ``target`` of the operator by a click on the ground, with fewer words in a narrow
+    sidebar."""
     row = layout.row()
     row.operator_context = "INVOKE_DEFAULT"
-    row.operator("icymoon.place_on_ground", icon="CURSOR").target = target
+    short = f"Place {target.title()}"
+    fits = len(long := f"{short} by Click") <= sidebar_text.measure_line_length() - _ICON_BUTTON_CHARACTERS
+    row.operator("icymoon.place_on_ground", text=long if fits else short, icon="CURSOR").target = target
 
 
 def _make_placing(target: str) -> Extra:
@@ -88,9 +93,9 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         return
     column = layout.column(align=True)
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
-    # A button's margins and icon take the room of five characters.
-    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 5
-    draw_lines(column, () if fits else (lines[2],))
+    fits = len(lines[2]) <= sidebar_text.measure_line_length() - _ICON_BUTTON_CHARACTERS
+    if not fits:
+        draw_lines(column, (lines[2],))
     column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness", icon="GRAPH")
 
 

@@ -21,7 +21,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.number_text import show_rounded
-from .images.colours import SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
+from .images.colours import DEPTH_ENDS, SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
 from .images.develop import DevelopedImages, develop, to_8_bit
 from .images.disparity_and_occlusion import find_scene_depth
 from .images.exr import read_depth, read_light
@@ -33,6 +33,24 @@ _INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark the
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
 _COLOUR_SHARE = 0.6  # of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
+
+
+#: Share of the range of an image below which a pixel looks black, and the share of such pixels that a line names.
+_BLACK_LEVEL, _LEAST_BLACK_SHARE = 0.04, 0.5
+#: An image whose brightest hundredth is below this share of the range has too little exposure everywhere.
+_LIT_LEVEL = 0.2
+
+
+def describe_darkness(levels: Array) -> str:
+    """Which share of an image is nearly black, and why, in a line of the sidebar; empty if it is less than half.
+
+    ``levels``, of any shape, are the numbers of the image as shares of their range, as a screen shows them.
+    """
+    black = float(np.mean(levels < _BLACK_LEVEL))
+    if black < _LEAST_BLACK_SHARE:
+        return ""
+    cause = "shadow or sky" if np.quantile(levels, 0.99) >= _LIT_LEVEL else "low exposure"
+    return f"{100 * black:.0f} % dark: {cause}"
 
 
 @dataclass(frozen=True)
@@ -52,6 +70,7 @@ class PairViews:
     shift_px: int  # disparity of the median depth, whole pixels
     reduced: int  # factor by which width and height are reduced
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
+    darkness: str  # ``describe_darkness`` of the left image
 
     def pictures(self, view: str) -> list[Array]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that alternate. KeyError for an unknown
@@ -76,12 +95,12 @@ class PairViews:
 
     @property
     def lines(self) -> list[str]:
-        """Short lines about the pair: exposure and depth."""
+        """Short lines about the pair: exposure and depth, and darkness of the left image if most of it is dark."""
         times = [_format_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
         share = "none saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
         depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
-        return [f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
+        return [f"{' to '.join(times)}, {share}", ", ".join([depth, *size]), *filter(None, [self.darkness])]
 
     def _make_side_by_side(self) -> list[Array]:
         depth = draw_true_depth(self.depth, self.scale)[..., ::-1]
@@ -106,11 +125,27 @@ class PairViews:
         width = mixed.shape[1]
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
+    def _make_title(self, room_px: int, letter_px: float) -> str:
+        """The longest title of the colour bar that fits. It says where the colours end if they end before the depth."""
+        if self.range_m is None:
+            return "No depth"
+        low, high = self.range_m
+        whole = f"True depth, {low:.3g} to {high:.3g} m"
+        if self.scale.low <= low and high <= self.scale.high:
+            return whole
+        *longer, shortest = (
+            f"{name}{DEPTH_ENDS}" for name in (f"{whole}, bar ", "True depth (m), ", "Depth (m), ", "")
+        )
+        fitting = (title for title in longer if measure_text_width_px(title, letter_px) <= room_px)
+        return next(fitting, shortest.capitalize())
+
     def _draw_legend(self, width: int, size: float) -> Array:
-        legend = draw_colour_bar(width, self.scale, size, _INK_GREY, _PAPER_GREY)[..., ::-1].copy()
-        if np.isnan(self.depth).any():
-            letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
-            start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
+        letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
+        has_sky = bool(np.isnan(self.depth).any())
+        start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
+        scale = replace(self.scale, title=self._make_title((start - 3 * swatch if has_sky else width - swatch), letter))
+        legend = draw_colour_bar(width, scale, size, _INK_GREY, _PAPER_GREY)[..., ::-1].copy()
+        if has_sky:
             put_text(legend, "sky", start, baseline, letter, _INK_GREY)
             legend[baseline - swatch : baseline, start - round(1.5 * swatch) : start - swatch // 2] = SKY_GREY
         return legend
@@ -131,7 +166,6 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     left, right = images.for_matchers()
     shown = [_to_colour(to_8_bit(images.seen(eye), images.bits, images.encoding)) for eye in EYES]
     range_m = (float(known.min()), float(known.max())) if known.size else None
-    title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
         pair.id,
         _reduce(left, factor),
@@ -139,13 +173,14 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
         _reduce(shown[0], factor),
         _reduce(shown[1], factor),
         _sample_depth(depth, factor),
-        replace(make_depth_scale(depth), title=title),
+        make_depth_scale(depth),
         range_m,
         tuple(frame.seconds for frame in images.frames),
         images.saturated,
         _find_shift_px(pair, known) // factor,
         factor,
         (*_describe_left_out(pair, settings), *images.warnings),
+        describe_darkness(left / 255),
     )
 
 

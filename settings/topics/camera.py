@@ -171,10 +171,10 @@ class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", s
         "Its rectified image is turned clockwise by the angle", "response", (-1.0, 1.0), 4)
     right_column_px: float = number(
         "Right Principal Column", 0.0, -1000.0, 1000.0, (-5.0, 5.0), "Assumed minus true column of the right eye's "
-        "principal point. Measured disparities rise by it", "response", "px", precision=4)
+        "principal point. Measured disparities rise by it", "response", "px", precision=4, subtype="PIXEL")
     right_row_px: float = number(
         "Right Principal Row", 0.0, -1000.0, 1000.0, (-5.0, 5.0), "Assumed minus true row of the right eye's principal "
-        "point. Its rectified image rises by it", "response", "px", precision=4)
+        "point. Its rectified image rises by it", "response", "px", precision=4, subtype="PIXEL")
     right_focal_percent: float = number(
         "Right Focal Length (%)", 0.0, -50.0, 100.0, (-2.0, 2.0), "Assumed minus true focal length of the right eye, "
         "in % of the true one, added to the error of both eyes", "response", "%", precision=4)

@@ -21,8 +21,8 @@ class LanderSettings(Table, label="Lander", since="0.3"):
     __slots__ = ()
     kind: Literal["NONE", "PARAMETRIC", "OWN"] = choice("Lander", "NONE", "The lander in the picture", "lander",
         ("NONE", "None", "No lander"),
-        ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm with the sizes below"),
-        ("OWN", "Own Arm", "Deck, two legs and mast as for Parametric, with an arm from a URDF file"))
+        ("PARAMETRIC", "Built-in Lander", "Deck, two legs, mast and arm with the sizes below"),
+        ("OWN", "Own Arm", "Deck, two legs and mast as for Built-in Lander, with an arm from a URDF file"))
     file: str = text(
         "Arm's File", "", "URDF file of your own arm, with meshes as STL, OBJ or Collada beside it. Its first link "
         "stands at the place of the shoulder. // is the folder of the .blend file", "lander", "read",

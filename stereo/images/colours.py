@@ -98,13 +98,21 @@ ERROR_SCALE = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
 CONFIDENCE_SCALE = Scale(0.03, 3.0, MAGMA, "Expected error (px), log scale")
 
 
+_DEPTH_QUANTILES = (0.01, 0.99)
+#: What a legend says of the ends of a scale of depths, beyond which the colours do not change.
+DEPTH_ENDS = "ends at 1 and 99 %"
+
+
 def make_depth_scale(truth: Array) -> Scale:
-    """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m)."""
+    """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m), wider for a flat
+    ground. Its title states percentiles."""
     known = truth[np.isfinite(truth)]
-    low, high = (float(q) for q in np.quantile(known, (0.01, 0.99))) if known.size else (1.0, 10.0)
+    if not known.size:
+        return Scale(1.0, 10.0)
+    low, high = (float(q) for q in np.quantile(known, _DEPTH_QUANTILES))
     if high < low * 1.05:
-        low, high = low / 1.05, high * 1.05
-    return Scale(low, high)
+        return Scale(low / 1.05, high * 1.05)
+    return Scale(low, high, title=f"Depth (m), log, {DEPTH_ENDS}")
 
 
 def draw_depth(depth: Array, scale: Scale) -> Array:

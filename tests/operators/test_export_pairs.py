@@ -13,10 +13,12 @@ from icymoon.operators.session import session
 from icymoon.panels.exports import draw_export
 from icymoon.plugins.installed import load_plugin
 from icymoon.render.pairs.pair_folder import has_pairs
+from icymoon.settings.blender import scene_properties
 from icymoon.stereo.cli import make_parser
 from icymoon.stereo.export import OPTIONS, find_plugins, list_options, list_titles
 from pairs import write_pair
 from panel_drawing import Layout, texts
+from stand_ins import stand_in
 
 NAME = "0123456789ab"
 
@@ -147,12 +149,55 @@ def test_a_pair_is_exported_by_the_evaluators_python(scene, pair, tmp_path):
     assert json.loads((out / NAME / "calibration.json").read_text())
 
 
-@pytest.mark.parametrize("count", [0, 2, 5])
-def test_warnings_stay_beside_the_button(scene, count):
-    session.exported = export_pairs.Exported("/x/y", tuple(f"Loss {k}." for k in range(count)))
+def draw_outcome(scene, source: str) -> str:
     layout = Layout()
-    draw_export(layout, "SCENE")
-    shown = texts(layout.record)
+    draw_export(layout, scene, source)
+    return texts(layout.record)
+
+
+def export(scene, pair, folder="/x/y", sentences=("Loss.",)) -> None:
+    """A finished export of the pair of the scene."""
+    scene.icymoon.pairs = pair.name
+    settings = scene_properties.read_for_display(scene.icymoon)
+    session.exported = export_pairs.Exported(folder, sentences, "SCENE", (pair,), settings)
+
+
+def test_an_export_is_shown_beside_its_own_button_until_another_pair_is_there(scene, pair):
+    export(scene, pair)
+    assert "Loss." in draw_outcome(scene, "SCENE")
+    assert "Loss." not in draw_outcome(scene, "DATASET")
+    scene.icymoon.rig.baseline_m += 0.1  # the files are what they were
+    assert "Loss." in draw_outcome(scene, "SCENE")
+    write_pair(pair.parent / "ba9876543210")
+    scene.icymoon.pairs = "ba9876543210"
+    assert "Loss." not in draw_outcome(scene, "SCENE")
+    assert "Open Exported Files" not in draw_outcome(scene, "SCENE")
+
+
+def test_why_an_export_failed_is_shown_until_a_setting_changes(scene, pair):
+    export(scene, pair, folder="", sentences=("Lower sensor.bits.",))
+    assert "Lower sensor.bits." in draw_outcome(scene, "SCENE")
+    scene.icymoon.sensor.bits = 10
+    assert "Lower sensor.bits." not in draw_outcome(scene, "SCENE")
+
+
+@pytest.mark.parametrize(("failure", "shown_folder"), [("", "/x/y"), ("It broke.", "")])
+def test_the_outcome_is_kept_with_the_pairs_and_settings_of_the_start(scene, pair, started, failure, shown_folder):
+    scene.icymoon.pairs = pair.name
+    kind = export_pairs.ICYMOON_OT_export_pairs
+    operator = stand_in(source="SCENE", kind="ply", response=False, filepath="/x/y", _make_command=lambda *words: words)
+    kind.start(operator, bpy.context)
+    operator._job = SimpleNamespace(warnings=["Loss."], failure=failure)
+    kind._keep_outcome(operator)
+    done = export_pairs.find_export(scene, "SCENE")
+    assert done is not None
+    assert (done.folder, done.sentences) == (shown_folder, ("Loss.", *filter(None, [failure])))
+
+
+@pytest.mark.parametrize("count", [0, 2, 5])
+def test_warnings_stay_beside_the_button(scene, pair, count):
+    export(scene, pair, sentences=tuple(f"Loss {k}." for k in range(count)))
+    shown = draw_outcome(scene, "SCENE")
     assert "Open Exported Files" in shown
     assert sum(f"Loss {k}." in shown for k in range(count)) == min(count, 3)
     assert ("2 more in the Info editor" in shown) == (count == 5)

@@ -54,6 +54,19 @@ def test_the_best_matcher_is_reported_last():
     assert [text.partition(":")[0] for text in results.describe_results(rows)] == ["JPLV", "StereoBM", "SGBM"]
 
 
+def test_a_scene_that_knows_no_pair_keeps_those_that_were_measured(scene, tmp_path):
+    """As after undo of the render, whose pair Evaluate finds by the settings."""
+    evaluated(scene, tmp_path)
+    settings = scene_properties.read_settings(scene.icymoon)
+    for known, kept in (("", PAIR), ("other", "other")):
+        scene.icymoon.pairs = known
+        evaluate.ResultKeeper(scene, "SCENE", settings, [PAIR])({"type": "result"})
+        assert scene.icymoon.pairs == kept
+    scene.icymoon.pairs = ""
+    results.keep_results(scene, "SCENE", settings)  # without pairs, as only another program writes it
+    assert results.list_notes(scene)[0].startswith("Of an earlier pair;")
+
+
 def test_the_number_of_pairs_of_a_data_set_is_told(scene, tmp_path):
     evaluated(scene, tmp_path, {**ROW, "pairs": 12}, scope="DATASET")
     assert results.list_notes(scene) == ["Of the data set, 12 pairs; measured 2038-06-01 12:34 UTC"]

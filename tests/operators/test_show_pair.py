@@ -9,12 +9,14 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from icymoon.operators import dataset, image_editor, live_preview, show_pair
+from evaluations import PAIR, evaluated
+from icymoon.operators import dataset, image_editor, live_preview, results, show_pair
 from icymoon.operators.session import session
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
 from icymoon.support.arrays import Array
 from numpy.testing import assert_array_equal  # its import starts a process, which a test forbids
+from pairs import write_pair
 from panel_drawing import Layout, drawn, texts
 
 
@@ -258,3 +260,30 @@ def test_a_render_opens_a_window_where_the_user_wants_it(rendered, monkeypatch, 
     monkeypatch.setattr(bpy.context.preferences.view, "render_display_type", preference)
     assert bpy.ops.icymoon.show_pair(automatic=automatic) == {"FINISHED"}
     assert asked == [opens]
+
+
+def test_a_pair_whose_files_are_elsewhere_is_not_said_to_be_unrendered(scene, tmp_path):
+    """The results below it tell of the pair that was rendered last."""
+    scene.icymoon.dataset.folder = str(tmp_path)
+    assert show_pair.list_lines(scene) == ["No pair is rendered"]
+    evaluated(scene, tmp_path)
+    assert results.list_notes(scene)[0].startswith("Of an earlier pair;")
+    scene.icymoon.pairs = PAIR
+    assert results.list_notes(scene)[0].startswith("Of the pair rendered last;")
+    assert show_pair.list_lines(scene) == ["The pair is not in Data Set ▸ Folder"]
+    write_pair(tmp_path / "pairs" / PAIR)
+    assert show_pair.list_lines(scene) == ["The pair is not shown"]
+
+
+def test_the_header_names_the_pair_what_is_shown_and_how(rendered):
+    (folder,) = show_pair.find_kept_pairs(rendered)
+    assert show_pair.describe_picture(rendered) == ""
+    for view, shown in (("RIGHT", "right camera"), ("DEPTH", "true depth over the left image")):
+        bpy.ops.icymoon.show_pair(view=view)
+        space = SimpleNamespace(image=show_pair.find_image())
+        header = SimpleNamespace(layout=Layout())
+        pair_views._draw_header(header, SimpleNamespace(scene=rendered, space_data=space))
+        told = texts(header.layout.record)
+        assert f"Pair {folder.name}: {shown}; as recorded, not stretched; " in told
+        assert session.shown.views.lines[0] in told
+    assert {name for name, *_ in show_pair.VIEWS} == set(show_pair._SHOWN)

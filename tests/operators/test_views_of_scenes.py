@@ -54,3 +54,23 @@ def test_a_view_that_a_file_brought_is_restored_when_its_scene_goes(scene, tmp_p
     assert look() == ("PERSP", True)
     space = find_view()[1].spaces.active
     assert (space.shading.type, space.local_view, session.views_before) == ("SOLID", None, {})
+
+
+def test_the_build_says_how_many_objects_of_the_user_the_view_hides(scene):
+    """As Blender's default cube; the objects themselves stay as they are."""
+    window, area = find_view()
+    for name in ("Cube", "Monument"):
+        scene.collection.objects.link(bpy.data.objects.new(name, bpy.data.meshes.new(name)))
+    built = scenes.build_scene(scene, complete(TINY))
+    with bpy.context.temp_override(window=window, area=area):
+        hidden = build.show_scene(bpy.context, built)
+        cube, space = bpy.data.objects["Cube"], area.spaces.active
+        assert (hidden, cube.visible_get(viewport=space)) == (2, False)
+        assert (cube.hide_viewport, cube.hide_get()) == (False, False)
+        assert built.terrain.visible_get(viewport=space)
+        assert build.show_scene(bpy.context, built) == 0  # they are hidden already
+    assert build.describe_build(built, 2).endswith("; this view hides 2 objects of your own, numpad / shows all")
+    assert "of your own" not in build.describe_build(built, 0)
+    scenes.clear_scene(scene)
+    build._follow_views()
+    assert cube.visible_get(viewport=space)

@@ -13,6 +13,7 @@ from icymoon.operators.job_operators import JobOperator
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.preset_files import PRESET_KINDS, WHOLE_SCENE_KINDS
 from icymoon.settings.table import TOPICS, list_all_settings
 from panel_drawing import Layout, drawn
@@ -98,6 +99,23 @@ def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
             number = {"DISTANCE": "0 m", "PIXEL": "0.000 px"}.get(setting.subtype, f"{0:.{setting.precision}f}")
             number = "0" if setting.kind == "int" else number
             assert len(fields.label_with_zero(setting)) + len(number) <= LINE - 1  # as screenshots show
+
+
+#: Subtypes of which Blender shows the unit beside the number.
+WITH_UNIT = {"DISTANCE", "DISTANCE_CAMERA", "PIXEL"}
+
+
+def test_a_number_of_pixels_metres_degrees_or_per_cent_has_its_unit():
+    bare = [
+        f"{topic}.{each.key}"
+        for topic, setting in list_all_settings()
+        for each in (setting, *setting.entries)
+        if each.unit in ("px", "m", "deg", "%", "s", "m/s²")
+        and each.subtype not in WITH_UNIT
+        and "(" not in each.label  # an angle, and what is counted in a unit of its own, have it there
+        and " per " not in each.label
+    ]
+    assert bare == []
 
 
 #: What 0 of these does follows from what they are: no limit.
@@ -265,3 +283,78 @@ def test_a_label_stays_where_it_is_while_its_number_changes(scene, monkeypatch):
         fields.draw_field(layout, group, setting)
         places.append([entry[0] for entry in layout.record])
     assert places[0] == places[1] == places[2]
+
+
+class Noted(Layout):
+    """Records with each field whether it can be changed."""
+
+    acts = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        super().__setattr__(name, value)
+        if name == "enabled":
+            self.__dict__["acts"] = self.acts and bool(value)
+
+    def __getattr__(self, name: str) -> Any:
+        call = super().__getattr__(name)
+
+        def noted(*arguments: object, **options: object) -> Noted:
+            call(*arguments, **options)
+            inner = Noted(self.record)
+            inner.__dict__["acts"] = self.acts
+            return inner
+
+        return noted
+
+    def prop(self, data: Any, key: str, **options: object) -> None:
+        super().prop(data, key, **options)
+        self.record[-1][2]["acts"] = self.acts
+
+
+def draw_topic(scene, topic: str, keys: tuple[str, ...]) -> tuple[dict[str, bool], list[str]]:
+    """Whether each field can be changed, and the lines below the last of them."""
+    layout = Noted()
+    fields.draw_settings(layout, scene.icymoon, topic, keys)
+    acts = {e[1].rpartition(".")[2]: e[2]["acts"] for e in layout.record if e[0] == "prop" and e[1].count(".") == 2}
+    last = max((k for k, e in enumerate(layout.record) if e[0] == "prop"), default=-1)
+    return acts, [e[2]["text"] for e in layout.record[last:] if e[0] == "label"]
+
+
+def list_parts() -> list[tuple[str, tuple[str, ...]]]:
+    return [
+        (topic.key, topic.main_keys if section is None else topic.keys_in(section))
+        for topic in TOPICS.values()
+        for section in (None, *topic.sections)
+    ]
+
+
+@pytest.mark.parametrize("chosen", [{}, {"rocks.coverage": 0.1}, {"surface.model": "HAPKE"}], ids=str)
+def test_a_field_at_0_can_be_changed_and_a_grey_field_has_its_reason_below(scene, chosen):
+    """The light theme draws a slider at 0 without a colour, so only what is grey says that it is unused."""
+    for name, value in chosen.items():
+        setattr(getattr(scene.icymoon, name.partition(".")[0]), name.partition(".")[2], value)
+    at_zero, grey = 0, 0
+    for topic, keys in list_parts():
+        acts, below = draw_topic(scene, topic, keys)
+        settings = scene_properties.read_for_display(scene.icymoon)
+        for key, can_change in acts.items():
+            assert can_change == TOPICS[topic].has_effect(key, settings), f"{topic}.{key}"
+            at_zero += can_change and settings[topic][key] == 0
+        told = " ".join(below)
+        assert ("Grey" in told) == (not all(acts.values())), f"{topic} {keys}"
+        grey += not all(acts.values())
+    assert at_zero > 20
+    assert grey > 5
+
+
+def test_the_reason_for_grey_fields_names_what_turns_them_on_and_goes_with_it(scene):
+    keys = TOPICS["ridges"].main_keys
+    assert draw_topic(scene, "ridges", keys)[1] == ["Grey while Height is 0"]
+    scene.icymoon.ridges.height_m = 0.1
+    assert draw_topic(scene, "ridges", keys)[1] == []
+    planet = TOPICS["light"].keys_in(next(s for s in TOPICS["light"].sections if s.key == "planet"))
+    assert draw_topic(scene, "light", planet)[1] == ["Grey while Planet is off"]
+    motion = TOPICS["rig"].keys_in(next(s for s in TOPICS["rig"].sections if s.key == "motion"))
+    assert " ".join(draw_topic(scene, "rig", motion)[1]) == "Grey while Speed Right is 0, Speed Down is 0 and 4 more"
+    cover = TOPICS["surface"].keys_in(next(s for s in TOPICS["surface"].sections if s.key == "cover"))
+    assert draw_topic(scene, "surface", cover)[1] == ["Grey while Frost is 0", "Grey while Crust is 0"]

@@ -682,3 +682,46 @@ def test_the_albedos_of_the_ground_stand_in_one_panel(scene, model):
     }
     found = [panel for panel, text in shown.items() if "Bond albedo" in text]
     assert found == [{"LAMBERT": "ICYMOON_PT_surface", "HAPKE": "ICYMOON_PT_hapke"}[model]]
+
+
+@pytest.mark.parametrize("width", [LINE, 24])
+def test_each_button_that_places_by_click_names_what_it_places(scene, monkeypatch, width):
+    monkeypatch.setattr(sidebar_text, "measure_line_length", lambda: width)
+    scene.icymoon.source.kind = "MESH"  # which has a site
+    scene.icymoon.excavation.path = "LINE"
+    found = [entry[2] for entry in everything() if entry[:2] == ("operator", "icymoon.place_on_ground")]
+    assert sorted(text.split()[1] for text in found) == ["Camera", "Site", "Trench", "Workspace"]
+    assert all(text.startswith("Place ") for text in found)
+    assert max(map(len, found)) <= width - 5  # room of an icon and the margins
+    assert all(text.endswith(" by Click") for text in found) == (width == LINE)
+
+
+def test_a_scanner_s_rows_and_columns_of_0_are_explained_beside_them(scene):
+    group = scene.icymoon.lidar
+    assert (group.rows, group.columns) == (0, 0)
+    record = drawn(bpy.types.ICYMOON_PT_lidar)
+    places = [k for k, entry in enumerate(record) if entry[1] in ("icymoon.lidar.rows", "icymoon.lidar.columns")]
+    (told,) = (k for k, entry in enumerate(record) if "0: as many as the scanner has" in str(entry))
+    assert 0 < told - max(places) <= 2  # a column, then its label
+
+
+def test_the_built_in_lander_has_a_plain_name_and_its_old_identifier(scene):
+    labels = {value: label for value, label, _ in TOPICS["lander"]["kind"].choices}
+    assert labels["PARAMETRIC"] == "Built-in Lander"
+    assert "Parametric" not in texts([*labels.values(), *(s.description for _, s in list_all_settings())])
+    assert merged(defaults(), {"lander": {"kind": "PARAMETRIC"}}).lander.kind == "PARAMETRIC"  # of earlier files
+
+
+def first_label(scene, tmp_path, *rows):
+    return labels_of_results(scene, tmp_path, *rows)[0][0]
+
+
+def test_the_verdict_is_the_first_line_of_the_results(scene, tmp_path):
+    assert first_label(scene, tmp_path, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"
+    undecided = ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2)
+    assert first_label(scene, tmp_path, *undecided) == "Fewest wrong: SGBM, 10.0 %"
+    decided = ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2), ranked("jplv", 0.2, 1, 2)
+    assert first_label(scene, tmp_path, *decided) == "Best: SGBM, 10.0 % wrong"
+    nothing = {**ranked("igev", 1.0), "n": 0}
+    assert first_label(scene, tmp_path, nothing) == "No matcher has a result"
+    assert first_label(scene, tmp_path, nothing, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"

@@ -5,14 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pairs
 import pytest
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.images.colours import SKY_GREY
+from icymoon.stereo import pair_views
+from icymoon.stereo.images.colours import SKY_GREY, Scale, draw_colour_bar
 from icymoon.stereo.images.image_files import read_png
-from icymoon.stereo.pair_views import read_pair_views
+from icymoon.stereo.images.lettering import measure_text_width_px
+from icymoon.stereo.pair_views import describe_darkness, read_pair_views
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.errors import IcyMoonError
 
@@ -84,6 +87,36 @@ def test_a_pair_without_sky_has_no_sky_in_its_legend(tmp_path, folder):
     assert (legends[1] == SKY_GREY).all(axis=-1)[:, -60:].sum() > 50
 
 
+def titles_of(monkeypatch, views, view):
+    """The title that the colour bar of a view is drawn with, and whether it fits."""
+    drawn = []
+
+    def draw(width, scale, size, ink, paper):
+        drawn.append((scale.title, measure_text_width_px(scale.title, 8 * size) <= width))
+        return draw_colour_bar(width, scale, size, ink, paper)
+
+    monkeypatch.setattr(pair_views, "draw_colour_bar", draw)
+    views.pictures(view)
+    return drawn
+
+
+@pytest.mark.parametrize("view", ["DEPTH", "SIDE_BY_SIDE"])
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_the_legend_says_that_its_colours_end_before_the_depth(monkeypatch, folder, view, repeats):
+    views = read_pair_views(folder, {})
+    wide: dict[str, Any] = {name: np.repeat(getattr(views, name), repeats, axis=1) for name in EYES_AND_DEPTH}
+    ((title, fits),) = titles_of(monkeypatch, replace(views, **wide), view)
+    assert "ends at 1 and 99 %" in title.lower()
+    assert fits
+    whole = replace(views, scale=Scale(*views.range_m))
+    ((title, fits),) = titles_of(monkeypatch, whole, view)
+    assert title == f"True depth, {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
+    assert titles_of(monkeypatch, replace(views, range_m=None), view)[0][0] == "No depth"
+
+
+EYES_AND_DEPTH = "left", "right", "shown_left", "shown_right", "depth"
+
+
 def test_eyes_are_aligned_at_the_median_depth(tmp_path):
     """On a wall that faces the camera, all of the ground then is in the same columns of both."""
     wall = pairs.Scene(slope_x=0.0, slope_y=0.0, rock=False, distance_m=2.0)
@@ -124,6 +157,24 @@ def test_lines_state_exposure_and_depth_of_the_pair(folder):
     assert any("saturated" in warning for warning in views.warnings)
     assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[0].startswith("2 s to 80 µs, ")
     assert replace(views, saturated=0.0, range_m=None).lines == ["12.5 ms, none saturated", "All sky"]
+
+
+def test_a_dark_image_is_told_with_its_cause():
+    levels = np.full((10, 100), 0.5)
+    assert describe_darkness(levels) == ""
+    levels[:6] = 0.0
+    assert describe_darkness(levels) == "60 % dark: shadow or sky"
+    assert describe_darkness(np.full(9, 0.06)) == ""  # dim, but not black
+    assert describe_darkness(0.02 * levels) == "100 % dark: low exposure"
+
+
+def test_the_lines_of_a_pair_name_its_darkness(folder):
+    bright = read_pair_views(folder, {})
+    dark = read_pair_views(folder, {"sensor": {"auto_exposure": False, "exposure_s": 1e-9}})
+    assert np.mean(dark.left) < 0.01 * np.mean(bright.left)
+    assert len(bright.lines) == 2
+    assert dark.lines[2] == "100 % dark: low exposure"
+    assert len(dark.lines[2]) <= 30  # beside an icon
 
 
 def test_what_needs_opencv_is_left_out_and_named(tmp_path, folder, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 from icymoon.stereo.images import colours
 from icymoon.stereo.images.colours import (
     CONFIDENCE_SCALE,
+    DEPTH_ENDS,
     ERROR_SCALE,
     INVALID_GREY,
     MAGMA,
@@ -16,6 +17,7 @@ from icymoon.stereo.images.colours import (
     draw_colour_bar,
     draw_confidence,
     draw_outcomes,
+    make_depth_scale,
 )
 from icymoon.stereo.images.lettering import draw_text, measure_text_width_px, put_text
 from icymoon.stereo.twin.compare_twin import DISPARITY_TITLE
@@ -60,7 +62,8 @@ def test_a_bar_shows_the_scale_from_end_to_end(width, size):
 
 
 def test_every_character_of_a_legend_is_drawn_and_no_two_are_alike():
-    texts = ERROR_SCALE.title, Scale(1, 2).title, "True depth, 1e-05 to 1e+07 m", "No depth", "Left", "Right", "sky"
+    depth = "True depth, 1e-05 to 1e+07 m", f"Depth (m), {DEPTH_ENDS}", DEPTH_ENDS.capitalize(), "No depth"
+    texts = ERROR_SCALE.title, Scale(1, 2).title, *depth, "Left", "Right", "sky"
     letters = {c: draw_text(c, 12.0) for c in {*"0123456789abcdefghijklmnopqrstuvwxyz", *"".join(texts)} - {" "}}
     assert all(covered.max() > 0.6 for covered in letters.values())
     assert len({(covered.shape, covered.tobytes()) for covered in letters.values()}) == len(letters)
@@ -92,6 +95,18 @@ def test_both_ends_of_a_scale_are_labelled_and_no_label_is_close_to_them(low, hi
     assert (labels[0][0], labels[-1][0]) == (0.0, 1.0)
     assert [float(labels[k][1]) for k in (0, -1)] == pytest.approx([low, high], rel=5e-3)
     assert all(0.09 < share < 0.91 for share, _ in labels[1:-1])
+
+
+def test_a_depth_scale_says_that_it_ends_before_the_depth_and_only_then():
+    depth = np.append(np.linspace(1.0, 9.0, 998), [500.0, np.nan])
+    scale = make_depth_scale(depth)
+    assert scale.title.endswith("ends at 1 and 99 %")
+    assert np.mean(depth < scale.low) == pytest.approx(0.01, abs=1e-3)  # one of a thousand values
+    assert np.mean(depth > scale.high) == pytest.approx(0.01, abs=1e-3)
+    flat = make_depth_scale(np.linspace(5.0, 5.1, 1000))
+    assert flat.low < 5.0 < 5.1 < flat.high
+    assert "ends" not in flat.title
+    assert "ends" not in make_depth_scale(np.full(3, np.nan)).title
 
 
 def test_every_character_of_a_scale_has_strokes():

@@ -1,0 +1,45 @@
+"""Notes on camera images in the header of an Image Editor: how an image is shown, and why it is dark.
+
+A note is stored with its image, so that it is in a saved file too.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..stereo.pair_views import describe_darkness
+from ..support.arrays import Array
+
+#: Camera images are shown as matchers get them; a stretch would hide how dark they are.
+AS_RECORDED = "as recorded, not stretched"
+_NOTE = "icymoon_note"
+_MOST_CHARACTERS = 120
+
+
+def name_camera_image(pair: str, eye: str) -> str:
+    """The name of the image of an ``eye``, left or right, of the pair with an id."""
+    return f"{eye.title()} Camera, Pair {pair}"
+
+
+def note_camera_image(image: bpy.types.Image) -> None:
+    """Store with a loaded camera image how it is shown, and why it is dark if most of it is."""
+    dark = describe_darkness(_read_levels(image)) if len(image.pixels) else ""
+    image[_NOTE] = "; ".join([AS_RECORDED.capitalize(), *filter(None, [dark])])
+
+
+def read_note(image: bpy.types.Image) -> str:
+    """The note of an image; empty without one. Anyone may have made the file."""
+    note = image.get(_NOTE)
+    return note[:_MOST_CHARACTERS] if isinstance(note, str) else ""
+
+
+def _read_levels(image: bpy.types.Image) -> Array:
+    """The mean of the colours of an image as a screen shows them, from 0 to 1."""
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    levels = values.reshape(-1, image.channels)[:, : min(3, image.channels)].mean(axis=1)
+    if not image.is_float:
+        return levels
+    # Blender stores an image of 16 bits as linear light.
+    return np.where(levels <= 0.0031308, 12.92 * levels, 1.055 * np.maximum(levels, 0.0) ** (1 / 2.4) - 0.055)
