@@ -8,6 +8,7 @@ import bpy
 
 from ..nodes import painted_decisions, painted_errors
 from ..nodes.built_scene import Built
+from ..render.pairs.dataset_file_names import pairs_folder
 from ..settings.blender import scene_properties
 from ..stereo.decisions import stored_maps
 from ..stereo.matchers.methods import describe_method
@@ -85,7 +86,8 @@ def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Bui
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
     built = errors_in_view.find_current_build(scene)
-    return built, stored_maps.read_map(folder, errors_in_view.find_shown_pairs(scene, built, pairs)[0], method, kind)
+    shown = errors_in_view.find_shown_pairs(scene, built, pairs_folder(folder.parent), pairs)
+    return built, stored_maps.read_map(folder, shown[0], method, kind)
 
 
 class ICYMOON_OT_hide_decisions(bpy.types.Operator):

@@ -25,10 +25,11 @@ from .build import leave_edit_mode
 from .coloured_views import hide_errors, show_colours, shows_errors
 from .job_operators import JobOperator
 from .jobs import Job
-from .render import find_dataset_folder, plan_pairs
+from .render import plan_pairs
 from .results import (
     ResultOperator,
     find_disparity_files,
+    find_measured_dataset,
     find_point_files,
     has_results,
     list_methods_with_disparities,
@@ -116,9 +117,9 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
     built = find_current_build(scene)
-    pairs = pairs_folder(find_dataset_folder(scene_properties.read_settings(scene.icymoon)))
+    pairs = pairs_folder(find_measured_dataset(scene))
     return built, [
-        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, sorted(files))
+        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, pairs, sorted(files))
     ]
 
 
@@ -134,12 +135,11 @@ def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
     return built
 
 
-def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
-    """The pairs with these ids that show the built scene: pairs of the present settings, or else of the same ground and
-    cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
+def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, folder: Path, names: Sequence[str]) -> list[str]:
+    """The pairs with these ids in a folder that show the built scene: pairs of the present settings, or else of the
+    same ground and cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
     settings = scene_properties.read_settings(scene.icymoon)
     found = [pair.id for pair in plan_pairs(scene, settings) if pair.id in names]
-    folder = pairs_folder(find_dataset_folder(settings))
     return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
 
 

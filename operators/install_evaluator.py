@@ -15,6 +15,7 @@ from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
+from .evaluate import SCOPES
 from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_own_evaluator_python, has_own_evaluator, show_findings
 from .session import session
@@ -53,11 +54,7 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
         name="Then Evaluate",
         default="NOTHING",
         description="What to evaluate once the evaluator is installed",
-        items=(
-            ("NOTHING", "Nothing", "Install only"),
-            ("SCENE", "This Scene", "The pairs of the present settings"),
-            ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
-        ),
+        items=(("NOTHING", "Nothing", "Install only"), *SCOPES),
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
