@@ -47,8 +47,8 @@ def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
         return (str(error),)
     speed = recall_known_speed(str(settings.quality.device))
     seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
-    machine = "on this machine" if speed else "on another machine; measure this one under Quality and Speed"
-    return (told, f"About {format_duration(seconds)} and {format_size(size)} {machine}")
+    machine = speed.basis if speed else "another machine; render a pair here, or measure this one in Quality and Speed"
+    return (told, f"About {format_duration(seconds)} and {format_size(size)} on {machine}")
 
 
 class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):

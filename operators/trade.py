@@ -231,8 +231,7 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
         return jobs.Job.start(self.bl_label, command, hear, clean, device=self._device)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        machine_speed.remember_speed(self._speed)
-        sidebar_text.forget_speed()
+        sidebar_text.keep_speed(self._speed)
         self.report(
             {"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the estimates"
         )
