@@ -43,6 +43,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_vary"
     bl_label = "Vary This Scene"
+    page = "datasets#vary-this-scene"
     bl_parent_id = "ICYMOON_PT_dataset"
     bl_order = 0
 
