@@ -146,7 +146,9 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
         points, group = self._job.result["value"], scene.icymoon.lidar
         item = lidar_in_view.show_points(scene, points, group.colour, group.points)
         show_colours(context, [item])
-        self.report({"INFO"}, show_controls(f"{format_count(points.total, 'point')} of {points.title}"))
+        counted = f"{format_count(points.total, 'point')} of {points.title}"
+        told = f"{counted}; {points.returned} of {format_count(points.beams, 'beam')} returned"
+        self.report({"INFO"}, show_controls(told))
 
     _scene_uid: int
 
@@ -176,6 +178,9 @@ class ICYMOON_OT_show_beams(bpy.types.Operator):
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
+        self.report(
+            {"INFO"}, show_controls("; ".join(text for text, _ in lidar_in_view.make_legend(context.scene, "")))
+        )
         return {"FINISHED"}
 
 

@@ -36,7 +36,8 @@ class ShownPoints:
 
     ``point_m`` (k, 3) in the site's axes, measured range and its error in metres (NaN of a false alarm), light in
     electrons or photons, delay in ice in metres of range, and number of the return (0: a false alarm). ``position_m``
-    (3,) is the place of the sensor, ``total`` the number of points of the scan, ``title`` the scanner's.
+    (3,) is the place of the sensor, ``total`` the number of points of the scan, ``title`` the scanner's. Of the
+    ``beams``, ``returned`` gave a return.
     """
 
     point_m: Array
@@ -48,6 +49,8 @@ class ShownPoints:
     position_m: Array
     total: int
     title: str
+    beams: int
+    returned: int
 
 
 _ARRAYS = ("point_m", "range_m", "error_m", "light", "ice_m", "order")
@@ -77,7 +80,14 @@ def read_shown_points(
         raise IcyMoonError(
             f"{folder / 'lidar.npz'} has no points; scan again with the ground in the range of the scanner."
         )
-    return ShownPoints(**kept, position_m=np.array(facts["position_m"]), total=seen, title=str(facts.get("title", "")))
+    return ShownPoints(
+        **kept,
+        position_m=np.array(facts["position_m"]),
+        total=seen,
+        title=str(facts.get("title", "")),
+        beams=facts["beams"],
+        returned=facts["beams"] - facts["beams_without_return"],
+    )
 
 
 def _refuse_shape(folder: Path, part: ScanPoints) -> None:

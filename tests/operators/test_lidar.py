@@ -9,11 +9,13 @@ import bpy
 import pytest
 from icymoon.nodes import lidar_in_view
 from icymoon.operators import jobs, lidar
+from icymoon.panels import active_sensors
 from icymoon.render.pairs.dataset_file_names import folder_of_pair
 from icymoon.settings.blender.scene_properties import OWN_SCANNER
 from icymoon.settings.preset_files import LIDARS
 from icymoon.support.errors import IcyMoonError
 from lidar_scans import write_folder
+from panel_drawing import drawn, texts
 
 
 @pytest.fixture
@@ -82,6 +84,9 @@ def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
     small.icymoon.lidar.colour = "RETURN_NUMBER"
     assert len(item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons) == 2
     assert any("alarm" in text for text, _ in lidar_in_view.make_legend(small, "RETURN_NUMBER"))
+    shown = texts(drawn(active_sensors.ICYMOON_PT_lidar))
+    assert "2 of 6 beams returned" in shown  # of two beams, one has two returns
+    assert "Remove LiDAR Points" in shown
     assert bpy.ops.icymoon.hide_scan() == {"FINISHED"}
     assert not bpy.ops.icymoon.hide_scan.poll()
     assert not bpy.ops.icymoon.show_beams.poll()  # before there is a scene
@@ -90,6 +95,10 @@ def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
     assert lidar_in_view.find_shown(small) is None  # the ground may be another
     assert bpy.ops.icymoon.show_beams() == {"FINISHED"}
     assert lidar_in_view.find_shown(small).name == lidar_in_view.BEAMS
+    shown = texts(drawn(active_sensors.ICYMOON_PT_lidar))
+    assert "Remove LiDAR Beams" in shown
+    assert "beams meet the ground" in shown
+    assert "Points Shown" not in shown
     assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
     assert lidar_in_view.find_shown(small) is None  # the beams end on ground that is gone
 

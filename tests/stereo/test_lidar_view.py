@@ -31,7 +31,7 @@ def test_points_lie_where_they_were_measured_with_their_values(tmp_path):
     assert shown.error_m[order[:2]] == pytest.approx([0.625, 0.375])
     assert shown.order[order].tolist() == [1, 1, 0]  # the last is a false alarm
     assert shown.ice_m[order].tolist() == [0.04, 0.06, 0.0]
-    assert (shown.total, shown.title) == (3, "Test")
+    assert (shown.total, shown.title, shown.beams, shown.returned) == (3, "Test", 6, 2)
 
 
 def test_fewer_points_are_the_first_of_more_whatever_the_parts(monkeypatch):
@@ -44,7 +44,7 @@ def test_fewer_points_are_the_first_of_more_whatever_the_parts(monkeypatch):
         return read_shown_points(tmp, most).range_m.tolist()
 
     tmp = Path("anywhere")
-    facts = {"position_m": [0, 0, 0], "returns": 400}
+    facts = {"position_m": [0, 0, 0], "returns": 400, "beams": 500, "beams_without_return": 100}
     monkeypatch.setattr(lidar_view, "read_facts", lambda folder: facts)
     every = read([(0, 400)], 1000)
     assert sorted(every) == list(range(400))
