@@ -113,8 +113,9 @@ def _write_pictures(pictures: list[Any]) -> None:
             path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
 
 
-def _show_view(now: ShownPair, open_window: bool) -> None:
-    """Show a view in an Image Editor, see ``image_editor.show_in_editor``."""
+def _show_view(now: ShownPair, open_window: bool, raise_window: bool) -> None:
+    """Show a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an editor that shows
+    the image already comes to the front."""
     _write_pictures(now.views.pictures(now.view))
     image = find_image()
     new = image is None
@@ -132,6 +133,8 @@ def _show_view(now: ShownPair, open_window: bool) -> None:
         push_undo("Show Stereo Pair")
     if areas:
         _begin_flicker()
+        if raise_window:
+            image_editor.raise_window(areas[0])
     redraw_panels()
 
 
@@ -205,7 +208,7 @@ class ShowsPair(WatchingOperator):
         if self._job is not None:
             session.reading = None
             self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
-        _show_view(self._found, self._opens_window(context))
+        _show_view(self._found, self._opens_window(context), raise_window=not self.automatic)
         if self._job is not None and self.automatic:
             view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
 
