@@ -310,10 +310,8 @@ class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
     bl_label = "Show Last Pair"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if readout["last"] is None:
-            cls.poll_message_set("No pair of a data set has been rendered yet")
-        return readout["last"] is not None
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "No pair of a data set has been rendered yet" if readout["last"] is None else ""
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         folder: Path = readout["last"]

@@ -114,11 +114,10 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
     )
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         if not find_sources(context.scene):
-            cls.poll_message_set("There is no rendered pair; press Render Stereo Pair first")
-            return False
-        return super().poll(context)
+            return "There is no rendered pair; press Render Stereo Pair first"
+        return super().find_obstacle(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Let the user choose the folder, the format and its options."""

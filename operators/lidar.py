@@ -34,11 +34,13 @@ from . import jobs
 from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
 from .job_operators import JobOperator
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder, plan_pairs
 from .sidebar_text import format_for_window
 from .window_areas import find_scene
 from .window_events import make_registration
 
+_NO_SCENE_MESSAGE = "There is no built scene; press Build Scene first"
 _NO_SCAN_MESSAGE = "There is no scan of the present settings yet; press Scan with LiDAR"
 
 
@@ -159,7 +161,7 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
     _scene_uid: int
 
 
-class ICYMOON_OT_show_beams(bpy.types.Operator):
+class ICYMOON_OT_show_beams(ExplainedOperator, bpy.types.Operator):
     """Draw some beams of the chosen laser scanner to where they meet the built scene: green, or grey where they meet nothing"""  # noqa: E501
 
     bl_idname = "icymoon.show_beams"
@@ -167,18 +169,15 @@ class ICYMOON_OT_show_beams(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = scenes.find_collection(context.scene) is not None
-        if not found:
-            cls.poll_message_set("There is no built scene; press Build Scene first")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if scenes.find_collection(context.scene) else _NO_SCENE_MESSAGE
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()
         built = scenes.find_built(context.scene)
         try:
             if built is None:
-                raise IcyMoonError("There is no built scene; press Build Scene first.")
+                raise IcyMoonError(f"{_NO_SCENE_MESSAGE}.")
             item = lidar_in_view.show_beams(context.scene, built, read_scanner(context.scene))
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
@@ -190,7 +189,7 @@ class ICYMOON_OT_show_beams(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_hide_scan(bpy.types.Operator):
+class ICYMOON_OT_hide_scan(ExplainedOperator, bpy.types.Operator):
     """Remove the points and beams of the LiDAR, and restore the earlier view. The files of the scan stay"""
 
     bl_idname = "icymoon.hide_scan"
@@ -198,11 +197,8 @@ class ICYMOON_OT_hide_scan(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = lidar_in_view.find_shown(context.scene) is not None
-        if not found:
-            cls.poll_message_set("No points or beams of a LiDAR are shown")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if lidar_in_view.find_shown(context.scene) else "No points or beams of a LiDAR are shown"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()

@@ -25,7 +25,7 @@ from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import format_count
 from . import image_editor, last_variations, trusted_reports
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 from .sidebar_text import describe_place, format_for_window
 from .window_areas import push_undo
@@ -457,20 +457,17 @@ def show_images(paths: list[Path], open_window: bool, names: Mapping[Path, str] 
     return bool(paths) and not bpy.app.background and image_editor.show_in_editor(open_window, show)
 
 
-def has_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:
-    """Return whether a scene was evaluated; otherwise explain it in the operator's tooltip."""
-    found = read_stored_results(scene) is not None
-    if not found:
-        operator.poll_message_set("This scene has not been evaluated yet")
-    return found
+def explain_missing_results(scene: bpy.types.Scene) -> str:
+    """A text that a scene was not evaluated; empty if it was."""
+    return "" if read_stored_results(scene) is not None else "This scene has not been evaluated yet"
 
 
-class ResultOperator(OperatorMixin):
+class ResultOperator(ExplainedOperator):
     """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_results(cls, context.scene)
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return explain_missing_results(context.scene)
 
 
 class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):
