@@ -38,6 +38,19 @@ def _clean_tex(found: re.Match[str]) -> str:
     return " ".join((found["block"] or found["tex"]).split())
 
 
+def make_anchor(heading: str) -> str:
+    """The name of a heading in links to it, as MkDocs and GitHub make it."""
+    plain = re.sub(r"[`*]|\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()
+    return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", plain)).strip("-")
+
+
+def list_anchors(text: str) -> set[str]:
+    """The anchors of all headings of a page."""
+    outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
+    found = (re.match(r"#{1,6} +(.*)", line) for line in outside.splitlines())
+    return {make_anchor(heading[1]) for heading in found if heading}
+
+
 def render_page(text: str, address: Address, formula: Formula) -> str:
     """The HTML of a page's body."""
 
@@ -79,7 +92,7 @@ def _render_block(lines: list[str], inline: Callable[[str], str]) -> str:
     first = lines[0].strip()
     if heading := re.match(r"(#{1,6}) +(.*)", first):
         level = len(heading[1])
-        return f"<h{level}>{inline(heading[2])}</h{level}>"
+        return f'<h{level} id="{make_anchor(heading[2])}">{inline(heading[2])}</h{level}>'
     if all(line.startswith("    ") for line in lines) and not _LIST_ITEM.match(first):
         return f"<pre><code>{html.escape(chr(10).join(line[4:] for line in lines))}</code></pre>"
     if first.startswith("|"):

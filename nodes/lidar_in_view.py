@@ -23,6 +23,7 @@ from ..stereo.lidar_view import (
     list_values,
 )
 from ..support.arrays import Array
+from ..support.number_text import format_count
 from . import measured_surface, painted_errors
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
@@ -45,6 +46,8 @@ ATTRIBUTES = {
 }
 _COLOUR = "lidar_colour"
 _TITLE_PROPERTY, _TOTAL_PROPERTY = "icymoon_scanner", "icymoon_points"
+#: Lines of the legend on beams and ranges, of points and of beams.
+_LINES_PROPERTY = "icymoon_lidar_lines"
 #: Width of a square as seen from the sensor, in radians, and radius of a rod at its end divided by its length.
 _WIDTH_RAD, _ROD_RADIUS = 0.006, 0.003
 #: Maximum number of rows and columns of beams that are drawn, and the length of beams in metres if all miss.
@@ -72,6 +75,9 @@ def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: i
     mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
     item = bpy.data.objects.new(POINTS, mesh)
     item[_TITLE_PROPERTY], item[_TOTAL_PROPERTY] = points.title, points.total
+    item[_LINES_PROPERTY] = "\n".join(
+        (f"{points.returned} of {format_count(points.beams, 'beam')} returned", describe_ranges(points.range_m))
+    )
     item.modifiers.new(_LIMIT, "NODES").node_group = _build_limit()
     _link(scene, item)
     recolour(scene, kind)
@@ -132,13 +138,26 @@ def _read_values(mesh: bpy.types.Mesh) -> dict[str, Array]:
 
 
 def make_legend(scene: bpy.types.Scene, kind: str) -> tuple[tuple[str, str], ...]:
-    """(text, icon) of each line on the points that are shown: the scanner, then the meaning of their colours."""
-    item = find_points(scene)
-    if item is None or not (values := _read_values(item.data)):
+    """(text, icon) of each line on what is shown: the scanner, its beams and ranges, then the meaning of the colours,
+    which for points is that of ``kind``."""
+    item = find_shown(scene)
+    if item is None:
+        return ()
+    told = (str(item.get(_TITLE_PROPERTY, "")), *str(item.get(_LINES_PROPERTY, "")).splitlines())
+    lines = tuple((text, "NONE") for text in told if text)
+    if item != find_points(scene):
+        return *lines, ("Green: meets the ground", "COLORSET_03_VEC"), ("Grey: meets nothing", "COLORSET_13_VEC")
+    if not (values := _read_values(item.data)):
         return ()
     kept, total = len(values[INTENSITY]), item.get(_TOTAL_PROPERTY)
     drawn = f"{kept} of {total} points can be shown" if isinstance(total, int) and total > kept else f"{kept} points"
-    return ((str(item.get(_TITLE_PROPERTY, "")), "NONE"), (drawn, "NONE"), *describe_colours(kind, values))
+    return (*lines, (drawn, "NONE"), *describe_colours(kind, values))
+
+
+def describe_ranges(range_m: Array) -> str:
+    """The nearest and the farthest of some ranges (k,) in metres."""
+    found = range_m[np.isfinite(range_m)]
+    return f"Range: {found.min():.3g} to {found.max():.3g} m" if len(found) else "No range was measured"
 
 
 def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.types.Object:
@@ -153,6 +172,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     farthest = min(lidar.instrument.farthest_m, 1e5)
     length = np.array([_find_hit(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
     hit = np.isfinite(length)
+    told = f"{hit.sum()} of {format_count(len(hit), 'beam')} meet the ground", describe_ranges(length)
     typical = float(np.median(length[hit])) if hit.any() else _MISSED_M
     length = np.where(hit, length, min(2 * typical, farthest))
     corners, faces = make_rods(pose.position_m, direction, length, _ROD_RADIUS * typical / 3, _ROD_RADIUS * length)
@@ -161,7 +181,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     colours = np.where(hit[:, None], np.array(_HIT, np.uint8), np.array(_MISSED, np.uint8))
     set_colours(mesh.color_attributes[_COLOUR], np.repeat(colours, len(corners) // len(hit), axis=0))
     item = bpy.data.objects.new(BEAMS, mesh)
-    item[_TITLE_PROPERTY] = lidar.title
+    item[_TITLE_PROPERTY], item[_LINES_PROPERTY] = lidar.title, "\n".join(told)
     _link(scene, item)
     return item
 

@@ -15,12 +15,12 @@ from ..settings.table import TOPICS, list_ground_settings
 from ..settings.topics.declaration import LANDFORMS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 from .presets import list_preset_items
 from .sidebar_text import format_for_window
 
 
-class _AddOperator(OperatorMixin):
+class _AddOperator(ExplainedOperator):
     """Mix-in: makes an object from the settings of the scene and of the operator, at the 3D cursor."""
 
     #: (topic, key) of each setting that the operator replaces, by the name of its property.
@@ -28,10 +28,8 @@ class _AddOperator(OperatorMixin):
     seed: int
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Only in Object Mode")
-        return bool(context.mode == "OBJECT")
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if context.mode == "OBJECT" else "Only in Object Mode"
 
     def read_settings(self, context: bpy.types.Context) -> Settings:
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]

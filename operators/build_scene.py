@@ -14,6 +14,7 @@ from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
 from .coloured_views import hide_colours
+from .operator_type import ExplainedOperator
 from .painted_masks import leave_sheet
 from .session import session
 from .sidebar_text import format_for_window
@@ -50,7 +51,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
         return build_and_report(self, context)
 
 
-class ICYMOON_OT_clear_scene(bpy.types.Operator):
+class ICYMOON_OT_clear_scene(ExplainedOperator, bpy.types.Operator):
     """Remove everything that Build Scene made, and restore the earlier camera, world, render settings and view"""
 
     bl_idname = "icymoon.clear_scene"
@@ -58,11 +59,8 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = scenes.find_collection(context.scene) is not None
-        if not found:
-            cls.poll_message_set("Nothing has been built in this scene")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if scenes.find_collection(context.scene) else "Nothing has been built in this scene"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_sheet(context)

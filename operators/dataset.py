@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ..render.pairs.pair_folder import is_complete
+from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached_process import DetachedProcess, find_unwatched_process
 from ..render.workers.job_commands import blender_command
@@ -23,7 +24,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
 from ..support.system import find_user_key
-from . import dialogs, evaluate, jobs
+from . import dialogs, evaluate, jobs, last_variations
 from .job_operators import JobOperator
 from .preferences import count_workers, find_evaluator_python, find_extension_folder
 from .render import find_dataset_folder
@@ -198,8 +199,9 @@ def make_batch_command(scene: bpy.types.Scene, settings: Settings, plan: str) ->
     )
 
 
-def start_batch(settings: Settings, command: list[str], plan: str) -> DetachedProcess:
-    """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
+def start_batch(settings: Settings, command: list[str], plan: str, scope: str = "DATASET") -> DetachedProcess:
+    """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it, and ``scope`` one
+    of ``evaluate.SCOPES``.
 
     Raises IcyMoonError if the data set is being rendered.
     """
@@ -207,7 +209,13 @@ def start_batch(settings: Settings, command: list[str], plan: str) -> DetachedPr
     return DetachedProcess.start(
         command,
         find_state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
-        {"title": _JOB_TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
+        {
+            "title": _JOB_TITLE,
+            "dataset": str(folder),
+            "plan": plan,
+            "evaluate": settings.dataset.evaluate,
+            "scope": scope,
+        },
         jobs.make_environment_with_cards("GPU", clean_environment()),
     )
 
@@ -228,7 +236,8 @@ class DatasetOperator(JobOperator):
         # An earlier Blender may have started it.
         began = time.monotonic() - (time.time() - process.facts["started"])
         settings = scene_properties.read_settings(context.scene.icymoon)
-        self._keeper = evaluate.ResultKeeper(context.scene, "DATASET", settings)
+        settings.dataset.folder = process.facts["dataset"]
+        self._keeper = evaluate.ResultKeeper(context.scene, process.facts.get("scope", "DATASET"), settings)
 
         def handle(message: Message) -> None:
             self._keeper(message)
@@ -240,10 +249,24 @@ class DatasetOperator(JobOperator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         dataset, evaluated = self._process.facts["dataset"], self._process.facts.get("evaluate")
-        following = "" if evaluated else "; press Evaluate Whole Data Set to measure it"
+        button = "Evaluate These Variations" if self._is_of_variations else "Evaluate Whole Data Set"
+        following = "" if evaluated else f"; press {button} to measure it"
+        self._keep_variations()
         self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered{following}"))
         if evaluated:
             self._keeper.report(self, context)
+
+    @property
+    def _is_of_variations(self) -> bool:
+        return bool(self._process.facts.get("scope") == last_variations.SCOPE)
+
+    def _keep_variations(self) -> None:
+        """Store with the scene which of its variations the sidebar shows."""
+        scene = self._keeper.scene
+        if self._is_of_variations and scene is not None:
+            pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs
+            last_variations.remember_pairs(scene, [pair.id for pair in pairs])
+            push_undo(_JOB_TITLE)
 
 
 class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):
@@ -271,7 +294,10 @@ class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
         if process is None:
             raise IcyMoonError("No data set was left running; press Render Data Set to start one.")
         group, facts = context.scene.icymoon.dataset, process.facts
-        group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
+        if facts.get("scope") == last_variations.SCOPE:
+            last_variations.remember_folder(context.scene, Path(facts["dataset"]))
+        else:
+            group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
         push_undo(self.bl_label)
         return self._make_job(process, context)
@@ -284,10 +310,8 @@ class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
     bl_label = "Show Last Pair"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if readout["last"] is None:
-            cls.poll_message_set("No pair of a data set has been rendered yet")
-        return readout["last"] is not None
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "No pair of a data set has been rendered yet" if readout["last"] is None else ""
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         folder: Path = readout["last"]

@@ -33,6 +33,7 @@ class DecidingOperator(JobOperator):
         return ()
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
+        self._scene_uid = context.scene.session_uid
         settings = scene_properties.read_settings(context.scene.icymoon)
         dataset = find_dataset_folder(settings)
         check_has_pairs(dataset)  # before an evaluator is asked for
@@ -56,13 +57,15 @@ class DecidingOperator(JobOperator):
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)
         found = [show_controls(sentence) for sentence in self._job.result["head"] if sentence]
-        session.decided = (*found,) or ("No pair shows ground in reach; see the report.",)
-        for sentence in session.decided:
+        told = (*found,) or ("No pair shows ground in reach; see the report.",)
+        session.decided[self._scene_uid] = told
+        for sentence in told:
             self.report({"INFO"}, sentence)
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
     _page: Path
+    _scene_uid: int
 
 
 class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):

@@ -8,6 +8,7 @@ import bpy
 
 from ..nodes import painted_decisions, painted_errors
 from ..nodes.built_scene import Built
+from ..render.pairs.dataset_file_names import pairs_folder
 from ..settings.blender import scene_properties
 from ..stereo.decisions import stored_maps
 from ..stereo.matchers.methods import describe_method
@@ -16,6 +17,7 @@ from ..support.printer import show_controls
 from . import errors_in_view
 from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 from .sidebar_text import format_for_window
 
@@ -45,7 +47,7 @@ def _find_folder(scene: bpy.types.Scene) -> Path:
     return find_dataset_folder(scene_properties.read_for_display(scene.icymoon)) / "decisions"
 
 
-class ICYMOON_OT_paint_decisions(bpy.types.Operator):
+class ICYMOON_OT_paint_decisions(ExplainedOperator, bpy.types.Operator):
     """Paint what a lander would decide on the ground, in Solid shading, with the chosen site and the arm's reach"""
 
     bl_idname = "icymoon.paint_decisions"
@@ -56,11 +58,10 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
     map: bpy.props.EnumProperty(name="Map", items=MAPS, description="What the colours show")
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = bool(list_decided_methods(context.scene))
-        if not found:
-            cls.poll_message_set("There are no decisions on this data set yet; press Decide Where to Dig")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        if list_decided_methods(context.scene):
+            return ""
+        return "There are no decisions on this data set yet; press Decide Where to Dig"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
@@ -85,10 +86,11 @@ def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Bui
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
     built = errors_in_view.find_current_build(scene)
-    return built, stored_maps.read_map(folder, errors_in_view.find_shown_pairs(scene, built, pairs)[0], method, kind)
+    shown = errors_in_view.find_shown_pairs(scene, built, pairs_folder(folder.parent), pairs)
+    return built, stored_maps.read_map(folder, shown[0], method, kind)
 
 
-class ICYMOON_OT_hide_decisions(bpy.types.Operator):
+class ICYMOON_OT_hide_decisions(ExplainedOperator, bpy.types.Operator):
     """Remove the map, the chosen site and the reach, and restore the earlier view"""
 
     bl_idname = "icymoon.hide_decisions"
@@ -96,11 +98,8 @@ class ICYMOON_OT_hide_decisions(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = bool(painted_decisions.make_legend(context.scene))
-        if not found:
-            cls.poll_message_set("No decisions are shown")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if painted_decisions.make_legend(context.scene) else "No decisions are shown"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         painted_errors.clear_painted(context.scene)

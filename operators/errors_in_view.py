@@ -25,12 +25,14 @@ from .build import leave_edit_mode
 from .coloured_views import hide_errors, show_colours, shows_errors
 from .job_operators import JobOperator
 from .jobs import Job
-from .render import find_dataset_folder, plan_pairs
+from .operator_type import ExplainedOperator
+from .render import plan_pairs
 from .results import (
     ResultOperator,
+    explain_missing_results,
     find_disparity_files,
+    find_measured_dataset,
     find_point_files,
-    has_results,
     list_methods_with_disparities,
     list_methods_with_points,
 )
@@ -79,8 +81,8 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_results(cls, context.scene) and super().poll(context)
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return explain_missing_results(context.scene) or super().find_obstacle(context)
 
     def start(self, context: bpy.types.Context) -> Job:
         """Let a thread find the errors of all vertices."""
@@ -116,9 +118,9 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
     built = find_current_build(scene)
-    pairs = pairs_folder(find_dataset_folder(scene_properties.read_settings(scene.icymoon)))
+    pairs = pairs_folder(find_measured_dataset(scene))
     return built, [
-        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, sorted(files))
+        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, pairs, sorted(files))
     ]
 
 
@@ -134,12 +136,11 @@ def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
     return built
 
 
-def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
-    """The pairs with these ids that show the built scene: pairs of the present settings, or else of the same ground and
-    cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
+def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, folder: Path, names: Sequence[str]) -> list[str]:
+    """The pairs with these ids in a folder that show the built scene: pairs of the present settings, or else of the
+    same ground and cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
     settings = scene_properties.read_settings(scene.icymoon)
     found = [pair.id for pair in plan_pairs(scene, settings) if pair.id in names]
-    folder = pairs_folder(find_dataset_folder(settings))
     return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
 
 
@@ -166,7 +167,7 @@ def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]
     return list(found.values())
 
 
-class ICYMOON_OT_hide_surface(bpy.types.Operator):
+class ICYMOON_OT_hide_surface(ExplainedOperator, bpy.types.Operator):
     """Remove the measured surface and the painted errors, and restore the earlier view"""
 
     bl_idname = "icymoon.hide_surface"
@@ -174,11 +175,8 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = shows_errors(context.scene)
-        if not found:
-            cls.poll_message_set("No measured surface and no painted errors are shown")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if shows_errors(context.scene) else "No measured surface and no painted errors are shown"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         hide_errors(context.scene)

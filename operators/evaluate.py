@@ -21,11 +21,18 @@ from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
-from . import jobs, results, trusted_reports
+from . import jobs, last_variations, results, trusted_reports
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python, is_evaluator_missing, list_plugin_matchers, make_own_matcher_arguments
 from .render import find_dataset_folder, plan_pairs
 from .window_areas import find_scene, push_undo
+
+#: What can be evaluated, as items of a choice.
+SCOPES = (
+    ("SCENE", "This Scene", "The pairs of the present settings"),
+    ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
+    (last_variations.SCOPE, "These Variations", "Every pair of the variations that were rendered last"),
+)
 
 
 def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
@@ -130,25 +137,17 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.evaluate"
     bl_label = "Evaluate"
 
-    scope: bpy.props.EnumProperty(
-        name="Scope",
-        default="SCENE",
-        items=(
-            ("SCENE", "This Scene", "The pairs of the present settings"),
-            ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
-        ),
-        description="Which pairs to evaluate",
-    )
+    scope: bpy.props.EnumProperty(name="Scope", default="SCENE", items=SCOPES, description="Which pairs to evaluate")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start the job. If there is a pair but no evaluator, offer to install the evaluator first."""
         if not bpy.app.background and is_evaluator_missing():
             try:
                 settings = scene_properties.read_settings(context.scene.icymoon)
-                if self.scope == "DATASET":
-                    check_has_pairs(find_dataset_folder(settings))
-                else:
+                if self.scope == "SCENE":
                     find_rendered_pairs(context, settings)
+                else:
+                    check_has_pairs(find_dataset_folder(results.select_dataset(context.scene, settings, self.scope)))
             except IcyMoonError as error:
                 return self.fail(error)
             bpy.ops.icymoon.install_evaluator("INVOKE_DEFAULT", then_evaluate=self.scope)
@@ -172,7 +171,8 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        found = [] if self.scope == "DATASET" else find_rendered_pairs(context, settings)
+        settings = results.select_dataset(context.scene, settings, self.scope)
+        found = find_rendered_pairs(context, settings) if self.scope == "SCENE" else []
         command = self._make_command(context.scene, settings, found or [find_dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return MeasuringJob.start("Evaluate", command, self._keeper)

@@ -17,7 +17,7 @@ from ..stereo.export import OPTIONS, exports_with_blender, list_options, list_ti
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
-from . import dialogs, jobs
+from . import dialogs, jobs, last_variations
 from .evaluate import make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
@@ -39,6 +39,7 @@ _SOURCES = (
         "The pairs that were rendered last from this scene, with the present camera response",
     ),
     ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
+    (last_variations.SCOPE, "These Variations", "Every pair of the variations that were rendered last"),
 )
 #: Seconds after which a data set folder is read again, although neither it nor its folder of pairs has changed.
 _REREAD_S = 5.0
@@ -67,12 +68,18 @@ def is_developed(kind: str) -> bool:
 
 
 def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
-    """The folders of a scene that can be exported: its last pairs, and its data set if it has pairs."""
+    """The folders of a scene that can be exported: its last pairs, and its data set and its variations if they have
+    pairs."""
     try:
         dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
     except IcyMoonError:
         return {}
-    found = {"SCENE": find_kept_pairs(scene), "DATASET": [dataset] if _has_pairs_now(dataset) else []}
+    varied = last_variations.find_folder(scene)
+    found = {
+        "SCENE": find_kept_pairs(scene),
+        "DATASET": [dataset] if _has_pairs_now(dataset) else [],
+        last_variations.SCOPE: [varied] if varied is not None and _has_pairs_now(varied) else [],
+    }
     return {source: paths for source, paths in found.items() if paths}
 
 
@@ -119,11 +126,10 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
     )
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         if not find_sources(context.scene):
-            cls.poll_message_set("There is no rendered pair; press Render Stereo Pair first")
-            return False
-        return super().poll(context)
+            return "There is no rendered pair; press Render Stereo Pair first"
+        return super().find_obstacle(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Let the user choose the folder, the format and its options."""
@@ -144,7 +150,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         for option in list_options(self.kind):
             layout.prop(self, option.key)
         layout.prop(self, "source")
-        if is_developed(self.kind) and self.source == "DATASET":
+        if is_developed(self.kind) and self.source != "SCENE":
             layout.prop(self, "response")
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -12,6 +12,8 @@ from .window_events import call_later, make_registration
 
 #: A function that shows something in an area and finishes the work that depends on it.
 Show = Callable[[bpy.types.Area], None]
+#: Width and height of the window that is opened, as a share of those of the main window.
+_SHARE_OF_WINDOW = 0.8
 
 
 def find_editors_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
@@ -22,8 +24,9 @@ def find_editors_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
 def show_in_editor(open_window: bool, show: Show) -> bool:
     """Call ``show`` with an open Image Editor in View mode that is not pinned to its image and is not a UV Editor.
 
-    Without such an editor, ``open_window`` lets the next turn of the event loop open a window with one. The other
-    editors of the user stay as they are. Returns False if nothing is or will be shown.
+    Without such an editor, ``open_window`` lets the next turn of the event loop open a window with one; with one, its
+    window comes to the front. The other editors of the user stay as they are. Returns False if nothing is or will be
+    shown.
 
     A new window becomes the window of the context. If a modal operator has opened the window, Blender (4.3 and 5.2)
     does not end this operator, and crashes later.
@@ -31,6 +34,8 @@ def show_in_editor(open_window: bool, show: Show) -> bool:
     area = _find_editor()
     if area is not None:
         show(area)
+        if open_window:
+            raise_window(area)
         return True
     if not open_window or bpy.app.background:
         return False
@@ -60,11 +65,63 @@ def _open_editor() -> bpy.types.Area:
     """The Image Editor of a new window."""
     manager = bpy.context.window_manager
     before = list(manager.windows)
-    with bpy.context.temp_override(window=before[0]):
-        bpy.ops.wm.window_new()
+    if _is_render_shown():  # then the button of renders would change that editor
+        with bpy.context.temp_override(window=_find_main_window()):
+            bpy.ops.wm.window_new()
+    else:
+        _show_render_window()
     window = next(each for each in manager.windows if each not in before)
     window.screen.areas[0].ui_type = "IMAGE_EDITOR"
     return window.screen.areas[0]
+
+
+def _is_render_shown() -> bool:
+    """Whether an Image Editor shows the render of the user."""
+    images = (area.spaces.active.image for _, area in list_areas("IMAGE_EDITOR"))
+    return any(image is not None and image.type == "RENDER_RESULT" for image in images)
+
+
+def _find_main_window() -> bpy.types.Window:
+    """The first window that Blender does not close at Esc."""
+    windows = bpy.context.window_manager.windows
+    return next((window for window in windows if not window.screen.is_temporary), windows[0])
+
+
+def _show_render_window() -> None:
+    """Open the window in which Blender shows a render, or bring it to the front. Esc closes it.
+
+    Blender gives it the size of the scene's render, in which a pair side by side would be small. So the size is another
+    one for this moment.
+    """
+    window = _find_main_window()
+    view, preferences, render = bpy.context.preferences.view, bpy.context.preferences, window.scene.render
+    before = view.render_display_type, preferences.is_dirty
+    size = {name: getattr(render, name) for name in ("resolution_x", "resolution_y", "resolution_percentage")}
+    view.render_display_type = "WINDOW"
+    try:
+        if window.scene.library is None:
+            width, height = round(_SHARE_OF_WINDOW * window.width), round(_SHARE_OF_WINDOW * window.height)
+            render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+        with bpy.context.temp_override(window=window):
+            bpy.ops.render.view_show("INVOKE_DEFAULT")
+    finally:
+        view.render_display_type, preferences.is_dirty = before
+        for name, value in size.items() if window.scene.library is None else ():
+            setattr(render, name, value)
+
+
+def raise_window(area: bpy.types.Area) -> None:
+    """Bring the window of an Image Editor to the front in the next turn of the event loop. Blender can do this only for
+    a window that Esc closes, as ours are."""
+    window = next((window for window, each in list_areas("IMAGE_EDITOR") if each == area), None)
+    if window is not None and window.screen.is_temporary and not bpy.app.background:
+        call_later(_raise_shown)
+
+
+def _raise_shown() -> None:
+    """Bring the window that Esc closes to the front, if it is still there."""
+    if any(window.screen.is_temporary for window, _ in list_areas("IMAGE_EDITOR")):
+        _show_render_window()
 
 
 def zoom_to_fit(area: bpy.types.Area) -> None:
@@ -74,4 +131,4 @@ def zoom_to_fit(area: bpy.types.Area) -> None:
         bpy.ops.image.view_all(fit_view=True)
 
 
-register, unregister = make_registration(timers=(_open_windows,))
+register, unregister = make_registration(timers=(_open_windows, _raise_shown))

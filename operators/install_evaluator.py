@@ -15,9 +15,10 @@ from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
-from .job_operators import DialogJobOperator, JobOperator
+from .evaluate import SCOPES
+from .job_operators import DialogJobOperator, JobOperator, find_running_job
+from .operator_type import ExplainedOperator
 from .preferences import find_own_evaluator_python, has_own_evaluator, show_findings
-from .session import session
 
 #: Width of the question before the installation, in pixels of a screen without scaling.
 _DIALOG_PX = 400
@@ -53,11 +54,7 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
         name="Then Evaluate",
         default="NOTHING",
         description="What to evaluate once the evaluator is installed",
-        items=(
-            ("NOTHING", "Nothing", "Install only"),
-            ("SCENE", "This Scene", "The pairs of the present settings"),
-            ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
-        ),
+        items=(("NOTHING", "Nothing", "Install only"), *SCOPES),
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -96,17 +93,17 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
             bpy.ops.icymoon.evaluate("INVOKE_DEFAULT", scope=self.then_evaluate)
 
 
-class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
+class ICYMOON_OT_remove_evaluator(ExplainedOperator, bpy.types.Operator):
     """Delete the evaluator that Install Evaluator has installed in the extension's folder"""
 
     bl_idname = "icymoon.remove_evaluator"
     bl_label = "Remove Evaluator"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         if not has_own_evaluator():
-            cls.poll_message_set("No evaluator is installed in the extension's folder")
-        return session.job is None and has_own_evaluator()
+            return "No evaluator is installed in the extension's folder"
+        return find_running_job()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_confirm(self, event))

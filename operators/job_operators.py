@@ -8,13 +8,13 @@ import bpy
 
 from ..support.errors import IcyMoonError
 from . import jobs, unseen_jobs
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import redraw_panels
 
 
-class WatchingOperator(OperatorMixin):
+class WatchingOperator(ExplainedOperator):
     """Mix-in: an operator whose work is a job.
 
     ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
@@ -149,6 +149,11 @@ class WatchingOperator(OperatorMixin):
         """Called when the job has ended, with or without success."""
 
 
+def find_running_job() -> str:
+    """A text that the job of the sidebar is running; empty without a job."""
+    return f"{session.job.title} is running" if session.job is not None else ""
+
+
 class JobOperator(WatchingOperator):
     """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
 
@@ -161,11 +166,8 @@ class JobOperator(WatchingOperator):
         """Called repeatedly while the job runs."""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if session.job is not None:
-            cls.poll_message_set(f"{session.job.title} is running")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return find_running_job()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
         result = super().invoke(context, event)
@@ -229,17 +231,15 @@ class DialogJobOperator(JobOperator):
         return super().invoke(context, None)
 
 
-class ICYMOON_OT_cancel(bpy.types.Operator):
+class ICYMOON_OT_cancel(ExplainedOperator, bpy.types.Operator):
     """Stop the running job. Finished pairs are kept"""
 
     bl_idname = "icymoon.cancel"
     bl_label = "Stop"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if session.job is None:
-            cls.poll_message_set("Nothing is running")
-        return session.job is not None
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if session.job is not None else "Nothing is running"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         assert session.job is not None
@@ -247,7 +247,7 @@ class ICYMOON_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_wait(bpy.types.Operator):
+class ICYMOON_OT_wait(ExplainedOperator, bpy.types.Operator):
     """Another job is running; wait until it has ended, or cancel it"""
 
     bl_idname = "icymoon.wait"
@@ -255,10 +255,8 @@ class ICYMOON_OT_wait(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if session.job is not None:
-            cls.poll_message_set(f"{session.job.title} is running")
-        return False
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return find_running_job() or "No job is running"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return {"CANCELLED"}

@@ -26,11 +26,9 @@ class ICYMOON_OT_lamp_add(_LampOperator, AddEntry, bpy.types.Operator):
     bl_label = "Add Lamp"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if len(cls.find(context.scene).entries) >= len(LAMP_GROUPS):
-            cls.poll_message_set(f"{len(LAMP_GROUPS)} lamps are the most")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        full = len(cls.find(context.scene).entries) >= len(LAMP_GROUPS)
+        return f"{len(LAMP_GROUPS)} lamps are the most" if full else ""
 
 
 class ICYMOON_OT_lamp_remove(_LampOperator, RemoveEntry, bpy.types.Operator):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,11 +34,13 @@ from . import jobs
 from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
 from .job_operators import JobOperator
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder, plan_pairs
 from .sidebar_text import format_for_window
 from .window_areas import find_scene
 from .window_events import make_registration
 
+_NO_SCENE_MESSAGE = "There is no built scene; press Build Scene first"
 _NO_SCAN_MESSAGE = "There is no scan of the present settings yet; press Scan with LiDAR"
 
 
@@ -66,55 +69,60 @@ def read_scanner(scene: bpy.types.Scene) -> LidarFile:
     return make_request(scene).change(read_lidar(find_scanner_file(scene)))
 
 
-def find_scan_folder(scene: bpy.types.Scene, planned: PlannedPair) -> Path:
-    """The folder for the returns of a pair: the pair's folder if it is rendered, else a folder beside the data set."""
-    dataset = find_dataset_folder(planned.settings)
-    pair = folder_of_pair(dataset, planned.id)
-    return pair if is_complete(pair) else dataset.parent / f"{dataset.name}_lidar" / planned.id
+def find_scan_folders(planned: Sequence[PlannedPair]) -> list[Path]:
+    """The folder for the returns of each pair: the pairs' own folders if all are rendered, else folders beside the data
+    set."""
+    dataset = find_dataset_folder(planned[0].settings)
+    pairs = [folder_of_pair(dataset, each.id) for each in planned]
+    beside = dataset.parent / f"{dataset.name}_lidar"
+    return pairs if all(map(is_complete, pairs)) else [beside / each.id for each in planned]
 
 
-def plan_scan(scene: bpy.types.Scene) -> PlannedPair:
-    """The pair whose ground is scanned: the first of the present settings. Raises IcyMoonError for a scene with edits
-    by hand, which the settings do not describe."""
+def plan_scans(scene: bpy.types.Scene) -> list[PlannedPair]:
+    """The pairs at whose left eyes the ground is scanned, one for each heading of the present settings. Raises
+    IcyMoonError for a scene with edits by hand, which the settings do not describe."""
     built = scenes.find_built(scene)
     if built is not None and built.edited:
         raise IcyMoonError(
             "The scene was edited by hand, and a scan shows the settings; press Build Scene to build it from them."
         )
-    return plan_pairs(scene, scene_properties.read_settings(scene.icymoon))[0]
+    return plan_pairs(scene, scene_properties.read_settings(scene.icymoon))
 
 
 class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
-    """Scan the scene with the chosen laser scanner at the left eye, and show the points. Runs in a separate process; Esc twice stops it"""  # noqa: E501
+    """Scan the scene with the chosen laser scanner at the left eye, once for each heading, and show the points. Runs in a separate process; Esc twice stops it"""  # noqa: E501
 
     bl_idname = "icymoon.scan_lidar"
     bl_label = "Scan with LiDAR"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene
-        planned, asked, file = plan_scan(scene), make_request(scene), find_scanner_file(scene)
+        planned, asked, file = plan_scans(scene), make_request(scene), find_scanner_file(scene)
         lidar = asked.read_scanner(file)
         if "ice" not in asked.without:
-            find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, None, None)
-        self._scene_uid, folder = scene.session_uid, find_scan_folder(scene, planned)
-        check_no_link(folder)
-        discard_points(folder, ())
+            find_scene_media(planned[0].settings, lidar.instrument.wavelength_m * 1e9, None, None)
+        self._scene_uid, folders = scene.session_uid, find_scan_folders(planned)
+        for folder in folders:
+            check_no_link(folder)
+            discard_points(folder, ())
         files = JobFiles(
-            find_dataset_folder(planned.settings),
-            pairs=[replace(planned, settings=make_paths_absolute(planned.settings))],
+            find_dataset_folder(planned[0].settings),
+            pairs=[replace(each, settings=make_paths_absolute(each.settings)) for each in planned],
         )
         command = blender_command(
             jobs.find_this_blender(),
             "scan",
             str(files.file),
-            str(folder.parent),
+            str(folders[0].parent),
             str(file),
             asked.to_json(),
         )
         return jobs.Job.start(self.bl_label, command, clean_up=files.discard, if_stopped="an earlier scan is kept")
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO"}, show_controls(f"Returns in {self._job.result['folders'][0]}"))
+        folders = self._job.result["folders"]
+        of = f" and {format_count(len(folders) - 1, 'more folder')}" if len(folders) > 1 else ""
+        self.report({"INFO"}, show_controls(f"Returns in {folders[0]}{of}"))
         if find_scene(self._scene_uid) == context.scene:
             bpy.ops.icymoon.show_scan("INVOKE_DEFAULT")
 
@@ -122,7 +130,7 @@ class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
-    """Show the points of the last scan of the present settings, as squares coloured by a measured value"""
+    """Show the points of the last scan of the present settings, of all headings, as squares coloured by a value"""
 
     bl_idname = "icymoon.show_scan"
     bl_label = "Show LiDAR Points"
@@ -131,12 +139,12 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         """Let a thread read the points, since a scan may have millions."""
         scene = context.scene
-        folder = find_scan_folder(scene, plan_scan(scene))
-        if not (folder / "lidar.npz").is_file():
+        folders = [each for each in find_scan_folders(plan_scans(scene)) if (each / "lidar.npz").is_file()]
+        if not folders:
             raise IcyMoonError(f"{_NO_SCAN_MESSAGE}.")
         self._scene_uid = scene.session_uid
-        work = partial(read_shown_points, folder, MOST_POINTS)
-        return jobs.Job(self.bl_label, Calculation(work, folder, reports=True), if_stopped="nothing is shown")
+        work = partial(read_shown_points, folders, MOST_POINTS)
+        return jobs.Job(self.bl_label, Calculation(work, folders[0], reports=True), if_stopped="nothing is shown")
 
     def report_success(self, context: bpy.types.Context) -> None:
         scene = find_scene(self._scene_uid)
@@ -146,12 +154,14 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
         points, group = self._job.result["value"], scene.icymoon.lidar
         item = lidar_in_view.show_points(scene, points, group.colour, group.points)
         show_colours(context, [item])
-        self.report({"INFO"}, show_controls(f"{format_count(points.total, 'point')} of {points.title}"))
+        counted = f"{format_count(points.total, 'point')} of {points.title}"
+        told = f"{counted}; {points.returned} of {format_count(points.beams, 'beam')} returned"
+        self.report({"INFO"}, show_controls(told))
 
     _scene_uid: int
 
 
-class ICYMOON_OT_show_beams(bpy.types.Operator):
+class ICYMOON_OT_show_beams(ExplainedOperator, bpy.types.Operator):
     """Draw some beams of the chosen laser scanner to where they meet the built scene: green, or grey where they meet nothing"""  # noqa: E501
 
     bl_idname = "icymoon.show_beams"
@@ -159,27 +169,27 @@ class ICYMOON_OT_show_beams(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = scenes.find_collection(context.scene) is not None
-        if not found:
-            cls.poll_message_set("There is no built scene; press Build Scene first")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if scenes.find_collection(context.scene) else _NO_SCENE_MESSAGE
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()
         built = scenes.find_built(context.scene)
         try:
             if built is None:
-                raise IcyMoonError("There is no built scene; press Build Scene first.")
+                raise IcyMoonError(f"{_NO_SCENE_MESSAGE}.")
             item = lidar_in_view.show_beams(context.scene, built, read_scanner(context.scene))
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
+        self.report(
+            {"INFO"}, show_controls("; ".join(text for text, _ in lidar_in_view.make_legend(context.scene, "")))
+        )
         return {"FINISHED"}
 
 
-class ICYMOON_OT_hide_scan(bpy.types.Operator):
+class ICYMOON_OT_hide_scan(ExplainedOperator, bpy.types.Operator):
     """Remove the points and beams of the LiDAR, and restore the earlier view. The files of the scan stay"""
 
     bl_idname = "icymoon.hide_scan"
@@ -187,11 +197,8 @@ class ICYMOON_OT_hide_scan(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = lidar_in_view.find_shown(context.scene) is not None
-        if not found:
-            cls.poll_message_set("No points or beams of a LiDAR are shown")
-        return found
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if lidar_in_view.find_shown(context.scene) else "No points or beams of a LiDAR are shown"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()

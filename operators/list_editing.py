@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 import bpy
 
 from ..settings.change_announcements import announce
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 
 
 class EditedList(NamedTuple):
@@ -34,7 +34,7 @@ class EditedList(NamedTuple):
         announce(scene, self.effect)
 
 
-class _ListOperator(OperatorMixin):
+class _ListOperator(ExplainedOperator):
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
 
     @staticmethod
@@ -58,11 +58,8 @@ class _EntryOperator(_ListOperator):
     empty: ClassVar[str]
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not cls.find(context.scene).entries:
-            cls.poll_message_set(cls.empty)
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if cls.find(context.scene).entries else cls.empty
 
 
 class RemoveEntry(_EntryOperator):

@@ -10,7 +10,8 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs
-from .job_operators import JobOperator
+from .job_operators import JobOperator, find_running_job
+from .operator_type import ExplainedOperator
 from .preferences import (
     find_asset_folder,
     find_asset_libraries,
@@ -18,7 +19,6 @@ from .preferences import (
     list_asset_library,
     unlist_asset_library,
 )
-from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import list_areas, override_area
 
@@ -54,21 +54,17 @@ class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
         self.report({"INFO"}, f"Made {made}, the library {name} of the Asset Browser")
 
 
-class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
+class ICYMOON_OT_remove_asset_library(ExplainedOperator, bpy.types.Operator):
     """Delete the asset library that Make Asset Library has made, and remove it from Blender's preferences. Your scenes keep the assets in them"""  # noqa: E501
 
     bl_idname = "icymoon.remove_asset_library"
     bl_label = "Remove Asset Library"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if session.job is not None:
-            cls.poll_message_set(f"{session.job.title} is running")
-            return False
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         if not has_assets() and not find_asset_libraries():
-            cls.poll_message_set("There is no asset library; press Make Asset Library first")
-            return False
-        return True
+            return "There is no asset library; press Make Asset Library first"
+        return find_running_job()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_confirm(self, event))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import bpy
 
-from ..formats.markdown import render_page
+from ..formats.markdown import list_anchors, render_page
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS
 from ..support.errors import IcyMoonError
@@ -30,15 +30,15 @@ FIRST_PAGE = "index"
 WINDOW_PAGE = "tutorial/window"
 _PAGE_BY_TOPIC = {
     "terrain": "theory/terrain",
-    "hills": "theory/terrain",
+    "hills": "theory/terrain#between-the-patch-and-the-horizon",
     "mesh": "theory/mesh",
     "source": "howto/own-ground",
     "surface": "theory/surfaces",
     "textures": "howto/own-textures",
     "rock_surface": "theory/surfaces",
     "excavation": "theory/excavation",
-    "hapke": "theory/surfaces",
-    "rocks": "theory/terrain",
+    "hapke": "theory/surfaces#hapkes-law",
+    "rocks": "theory/terrain#what-lies-on-it",
     "light": "theory/light",
     "rig": "camera",
     "calibration_error": "howto/calibration-error",
@@ -46,8 +46,8 @@ _PAGE_BY_TOPIC = {
     "right_eye": "howto/calibrations",
     "lander": "howto/lander",
     "arm": "howto/lander",
-    "workspace": "theory/decisions",
-    "veil": "theory/light",
+    "workspace": "theory/decisions#the-workspace",
+    "veil": "theory/light#a-veil-of-grains-or-vapour",
     "sensor": "theory/sensor",
     "quality": "howto/speed",
     "dataset": "datasets",
@@ -115,8 +115,11 @@ def _make_html_page(page: str, text: str, titles: dict[str, str]) -> str:
     def address(link: str) -> str | None:
         if link.startswith("https://"):
             return link
-        name = posixpath.normpath(posixpath.join(posixpath.dirname(page), link.partition("#")[0]))
-        return _make_relative_address(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
+        file, mark, anchor = link.partition("#")
+        if not file:
+            return link
+        name = posixpath.normpath(posixpath.join(posixpath.dirname(page), file)).removesuffix(".md")
+        return f"{_make_relative_address(name, page)}{mark}{anchor}" if name in titles else None
 
     def links(folder: str) -> str:
         return " ".join(
@@ -133,6 +136,25 @@ def _make_html_page(page: str, text: str, titles: dict[str, str]) -> str:
     )
 
 
+def find_address(page: str) -> str:
+    """The address of a page, such as ``tutorial/window``, or of one of its headings: ``howto/lidar#in-the-window``.
+
+    Raises IcyMoonError if there is no such page or heading.
+    """
+    name, mark, anchor = page.partition("#")
+    if name not in list_page_names():
+        raise IcyMoonError(f"The manual has no page {name!r}; open the page {FIRST_PAGE!r}.")
+    if mark and anchor not in list_anchors((_DOCS_FOLDER / f"{name}.md").read_text(encoding="utf-8")):
+        raise IcyMoonError(f"The page {name!r} has no heading {anchor!r}; open the page without it.")
+    return f"{write_pages().as_uri()}/{_make_file_name(page)}"
+
+
+def _make_file_name(page: str) -> str:
+    """The file of a page, with the place of a heading."""
+    name, mark, anchor = page.partition("#")
+    return f"{name}.html{mark}{anchor}"
+
+
 def find_page_of_topic(topic: str) -> str:
     """The page on a topic of the settings."""
     return _PAGE_BY_TOPIC["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
@@ -147,7 +169,7 @@ def _make_manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
     except IcyMoonError:
         return "", ()
     return f"{start}/", (
-        *((f"bpy.types.icymoon_pg_{topic}.*", f"{find_page_of_topic(topic)}.html") for topic in TOPICS),
+        *((f"bpy.types.icymoon_pg_{topic}.*", _make_file_name(find_page_of_topic(topic))) for topic in TOPICS),
         ("bpy.types.icymoon_*", f"{WINDOW_PAGE}.html"),
         ("bpy.ops.icymoon.*", f"{WINDOW_PAGE}.html"),
     )
@@ -163,7 +185,7 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
         name="Page",
         default=FIRST_PAGE,
         options={"SKIP_SAVE"},
-        description="Page of the manual, such as tutorial/window",
+        description="Page of the manual, such as tutorial/window, or a heading: howto/lidar#in-the-window",
     )
 
     @classmethod
@@ -172,9 +194,7 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            if self.page not in list_page_names():
-                raise IcyMoonError(f"The manual has no page {self.page!r}; open the page {FIRST_PAGE!r}.")
-            address = (write_pages() / f"{self.page}.html").as_uri()
+            address = find_address(self.page)
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}

@@ -9,6 +9,7 @@ from ..nodes.ground.terrain_mesh import make_roughness_table
 from ..settings.table import TOPICS
 from ..support.printer import show_controls
 from .list_editing import AddEntry, EditedList, MoveEntry, RemoveEntry
+from .operator_type import ExplainedOperator
 
 
 class _LayerOperator:
@@ -48,18 +49,17 @@ class ICYMOON_OT_layer_move(_LayerOperator, MoveEntry, bpy.types.Operator):
     )
 
 
-class ICYMOON_OT_show_roughness(bpy.types.Operator):
+class ICYMOON_OT_show_roughness(ExplainedOperator, bpy.types.Operator):
     """Show the measured RMS deviation and power spectrum of the built ground, and the values in the settings"""
 
     bl_idname = "icymoon.show_roughness"
     bl_label = "Measured Roughness"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not scenes.describe_ground_statistics(context.scene):
-            cls.poll_message_set("Nothing has been built from the settings of Ground in this scene; press Build Scene")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        if scenes.describe_ground_statistics(context.scene):
+            return ""
+        return "Nothing has been built from the settings of Ground in this scene; press Build Scene"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.table = self._measure(context)

@@ -19,7 +19,7 @@ from ..support.arrays import Array
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .import_ground import build_on_source
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 
 #: The bytes of a file with vertices (n, 3) and triangles (m, 3).
@@ -45,15 +45,12 @@ def shorten_path(path: Path, dataset_folder: str) -> str:
     return f"//{os.path.relpath(path, bpy.path.abspath('//'))}" if beside else str(path)
 
 
-class SelectedMeshOperator(OperatorMixin):
+class SelectedMeshOperator(ExplainedOperator):
     """Mix-in: an operator that keeps a copy of the active mesh object in the data set."""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        reason = why_not_usable(context)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return why_not_usable(context)
 
     def keep_mesh(self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str) -> Path:
         """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content.

@@ -1,4 +1,6 @@
-"""The attributes that Blender gives every operator, as a type for mix-ins. Blender sees no class here."""
+"""Base classes of mix-ins for operators: the attributes that Blender gives every operator, as a type that Blender does
+not see, and buttons that are grey for a reason.
+"""
 
 from __future__ import annotations
 
@@ -22,3 +24,20 @@ if TYPE_CHECKING:
         def execute(self, context: bpy.types.Context) -> set[str]: ...
 else:
     OperatorMixin = object  # so that no method here hides a method of the operator
+
+
+class ExplainedOperator(OperatorMixin):
+    """Mix-in: an operator that cannot run while there is an obstacle. Its button is then grey, with the reason in its
+    tooltip."""
+
+    @classmethod
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        """Why the operator cannot run now; empty if it can."""
+        return ""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        why = cls.find_obstacle(context)
+        if why:
+            cls.poll_message_set(why)
+        return not why

@@ -22,7 +22,7 @@ from ..support.errors import IcyMoonError
 from . import refine_ground
 from .build import build_and_report, leave_edit_mode
 from .object_as_ground import shorten_path
-from .operator_type import OperatorMixin
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 from .session import session
 from .sidebar_text import format_for_window
@@ -78,7 +78,7 @@ def leave_sheet(context: bpy.types.Context) -> None:
         _hide(context, sheet)
 
 
-class _MaskOperator(OperatorMixin):
+class _MaskOperator(ExplainedOperator):
     """Mix-in: an operator on the mask of one kind."""
 
     bl_options = {"REGISTER", "UNDO"}
@@ -133,11 +133,8 @@ class ICYMOON_OT_paint_mask(_MaskOperator, bpy.types.Operator):
     bl_label = "Paint Mask"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if scenes.find_built(context.scene) is None:
-            cls.poll_message_set("Build the scene first")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if scenes.find_built(context.scene) else "Build the scene first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, built = context.scene, scenes.find_built(context.scene)
@@ -170,11 +167,8 @@ class ICYMOON_OT_use_painted_mask(_MaskOperator, bpy.types.Operator):
     bl_label = "Use Painted Mask"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if mask_sheet.find_sheet(context.scene) is None:
-            cls.poll_message_set("Press Paint Mask first")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if mask_sheet.find_sheet(context.scene) else "Press Paint Mask first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         sheet = mask_sheet.find_sheet(context.scene)
@@ -201,11 +195,8 @@ class ICYMOON_OT_use_image_as_mask(_MaskOperator, bpy.types.Operator):
     image: bpy.props.StringProperty(name="Image", description="Image of this file")
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not any(image.size[0] for image in bpy.data.images):
-            cls.poll_message_set("Open or paint an image first")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if any(image.size[0] for image in bpy.data.images) else "Open or paint an image first"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         shown = getattr(context.space_data, "image", None)
@@ -234,12 +225,10 @@ class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
     bl_label = "Clear Mask"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        kinds = [kind for kind, _, _ in KINDS]
-        if not any(has_mask(context.scene, kind) or can_use(context.scene, kind) for kind in kinds):
-            cls.poll_message_set("There is no mask")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        scene = context.scene
+        found = any(has_mask(scene, kind) or can_use(scene, kind) for kind, _, _ in KINDS)
+        return "" if found else "There is no mask"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()

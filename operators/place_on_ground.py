@@ -15,6 +15,7 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
+from .operator_type import ExplainedOperator
 from .sidebar_text import format_for_window
 
 TARGETS = (
@@ -86,7 +87,7 @@ def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
     return start + distance * toward if role else None
 
 
-class ICYMOON_OT_place_on_ground(bpy.types.Operator):
+class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
     """Click on the ground to place something there. The view can be turned and moved before"""
 
     bl_idname = "icymoon.place_on_ground"
@@ -102,11 +103,8 @@ class ICYMOON_OT_place_on_ground(bpy.types.Operator):
         return next(f"Click on the ground. {text}" for name, _, text in TARGETS if name == properties.target)
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if scenes.find_built(context.scene) is None:
-            cls.poll_message_set("There is no ground to click on; press Build Scene first")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if scenes.find_built(context.scene) else "There is no ground to click on; press Build Scene first"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Wait for a click on the ground."""

@@ -26,6 +26,7 @@ from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine_ground
 from .build import build_and_report
 from .evaluate import find_rendered_pairs
+from .operator_type import ExplainedOperator
 from .preferences import find_extension_folder
 from .session import session
 from .sidebar_text import format_for_window, measure_line_length, remember_answers
@@ -311,7 +312,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_remove_preset(bpy.types.Operator):
+class ICYMOON_OT_remove_preset(ExplainedOperator, bpy.types.Operator):
     """Delete your own preset that was loaded last. The settings stay as they are"""
 
     bl_idname = "icymoon.remove_preset"
@@ -319,11 +320,9 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         own = context.scene.icymoon.preset in list_own_presets()
-        if not own:
-            cls.poll_message_set("Load one of your own presets first; the presets of Icy Moon cannot be removed")
-        return own
+        return "" if own else "Load one of your own presets first; the presets of Icy Moon cannot be removed"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_confirm(self, event))

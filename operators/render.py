@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -14,6 +15,7 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..physics.scene_checks import find_reasons_without_file
+from ..render.cost.measure_speed import read_speed_of_pair
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
@@ -28,7 +30,7 @@ from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
 from .refine_ground import start_refining
-from .sidebar_text import format_for_window
+from .sidebar_text import format_for_window, keep_speed
 from .user_render import prepare_render
 from .window_areas import find_scene, pause_rendered_views, push_undo
 
@@ -130,6 +132,13 @@ def _save_copy(path: Path) -> None:
         preferences.filepaths.file_preview_type, preferences.is_dirty = before
 
 
+def keep_speed_of_pair(folder: Path) -> None:
+    """Let later estimates rest on the time of a pair that was just rendered, if it shows the speed of this machine."""
+    with suppress(IcyMoonError):  # the pair is rendered, even if its time cannot be stored
+        if speed := read_speed_of_pair(folder):
+            keep_speed(speed)
+
+
 class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc twice stops it"""
 
@@ -165,6 +174,8 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     def _hear(self, message: Message) -> None:
         if message["type"] == "pair":
             self._rendered.append(str(message["id"]))
+            if message.get("rendered"):
+                keep_speed_of_pair(Path(message["folder"]))
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         settings = scene_properties.read_settings(context.scene.icymoon)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import bpy
 
 from ..render.cost.estimate import estimate_roughly, format_duration, format_size
 from ..render.plans.frozen_plan import PLAN as FROZEN
-from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.vary_scene import (
     count_pairs,
     describe_variations,
@@ -22,14 +18,14 @@ from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path, write_text
 from ..support.printer import show_controls
-from . import dataset, jobs, variation_curves, variation_pictures, variation_plan
+from . import dataset, jobs, last_variations, variation_curves, variation_pictures, variation_plan
 from .render import find_dataset_folder
 from .sidebar_text import recall_known_speed, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import keep_until_change
 
-#: Maximum number of pairs whose pictures the sidebar offers, and characters of a line of the dialog.
-_MOST_PICTURES, _DIALOG_LINE_CHARACTERS = 24, 60
+#: Characters of a line of the dialog.
+_DIALOG_LINE_CHARACTERS = 60
 #: Number of pairs over which the estimate averages.
 _SAMPLED_PAIRS = 16
 
@@ -51,14 +47,8 @@ def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
         return (str(error),)
     speed = recall_known_speed(str(settings.quality.device))
     seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
-    machine = "on this machine" if speed else "on another machine; measure this one under Quality and Speed"
-    return (told, f"About {format_duration(seconds)} and {format_size(size)} {machine}")
-
-
-def _choose_spread(pairs: Sequence[Any]) -> list[Any]:
-    """All pairs, or as many as the sidebar can show: the first, the last and others at equal steps."""
-    count = min(_MOST_PICTURES, len(pairs))
-    return [pairs[round(k * (len(pairs) - 1) / max(1, count - 1))] for k in range(count)]
+    machine = speed.basis if speed else "another machine; render a pair here, or measure this one in Quality and Speed"
+    return (told, f"About {format_duration(seconds)} and {format_size(size)} on {machine}")
 
 
 class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
@@ -73,6 +63,11 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
         description="Folder of the data set; if it is empty, the folder in the panel Data Set",
     )
+    use_for_scene: bpy.props.BoolProperty(
+        name="Use for the Scene Too",
+        options={"SKIP_SAVE"},
+        description="Make it the folder in the panel Data Set, so that all buttons there work on these pairs",
+    )
     _asked = False
     _told: tuple[str, ...] = ()
 
@@ -85,7 +80,10 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
             title = make_title(scene_properties.read_variations(scene.icymoon))
             self.folder = str(
                 variation_plan.find_free_folder(
-                    find_dataset_folder(settings), variation_plan.make_scene_plan_text(scene, settings), title
+                    find_dataset_folder(settings),
+                    variation_plan.make_scene_plan_text(scene, settings),
+                    title,
+                    last_variations.find_folder(scene),
                 )
             )
         except IcyMoonError as error:
@@ -100,6 +98,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
                 column.label(text=line)
         variation_pictures.draw_icons(column, context.scene)
         column.prop(self, "folder")
+        column.prop(self, "use_for_scene")
         column.prop(group, "evaluate")
         if group.evaluate:
             column.prop(group, "methods")
@@ -110,14 +109,13 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         # A dialog runs this operator as a script does, so it would wait until all pairs are rendered, and Blender does
         # not free an operator that becomes modal when its dialog is confirmed. So another operator does the work.
         try:
-            bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
+            bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder, use_for_scene=self.use_for_scene)
         except RuntimeError as error:  # with the operator's report
             self.report({"ERROR"}, show_controls(str(error).removeprefix("Error: ").strip()))
             return {"CANCELLED"}
         return {"FINISHED"}
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        group = context.scene.icymoon.dataset
         settings = scene_properties.read_settings(context.scene.icymoon)
         text = variation_plan.make_scene_plan_text(context.scene, settings)
         if self.folder:
@@ -132,18 +130,14 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         if (folder / FROZEN).is_file():
             self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
         write_text(folder / variation_plan.PLAN, text)
-        process = dataset.start_batch(settings, command, plan)
-        if group.folder != settings.dataset.folder:
-            group.folder = settings.dataset.folder
-            push_undo(self.bl_label)
+        process = dataset.start_batch(settings, command, plan, last_variations.SCOPE)
+        last_variations.remember_folder(context.scene, folder)
+        if self.use_for_scene:
+            context.scene.icymoon.dataset.folder = settings.dataset.folder
+        push_undo(self.bl_label)
         return self._make_job(process, context)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        scene = self._keeper.scene
-        if scene is not None:
-            pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs
-            scene.icymoon.pairs = " ".join(pair.id for pair in _choose_spread(pairs))
-            push_undo(self.bl_label)
         super().report_success(context)
         variation_curves.show_curves(context, open_window=False)
 

@@ -24,8 +24,8 @@ from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find
 from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import format_count
-from . import image_editor, trusted_reports
-from .operator_type import OperatorMixin
+from . import image_editor, last_variations, trusted_reports
+from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 from .sidebar_text import describe_place, format_for_window
 from .window_areas import push_undo
@@ -63,7 +63,11 @@ _MOST_TEXT_CHARACTERS, _MOST_NAMED = 40, 3
 #: Maximum number of characters of a note on the results, and of notes in the panel; the report has all notes.
 _MOST_NOTE_CHARACTERS, _MOST_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
-_COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
+_COUNT_TOO = {
+    "DATASET": ("folder", "methods"),
+    "SCENE": ("folder", "methods", "headings"),
+    last_variations.SCOPE: ("methods",),
+}
 
 
 @dataclass(frozen=True)
@@ -162,11 +166,23 @@ def _clean_text(text: str, longest: int = _MOST_TEXT_CHARACTERS) -> str:
 
 
 def find_evaluation_folder(settings: Settings, scope: str) -> Path:
-    """The folder for the evaluation of a scene ('SCENE') or a whole data set ('DATASET').
+    """The folder for the evaluation of a scene ('SCENE') or a whole data set (another scope).
 
     Raises IcyMoonError if the data set has no valid folder.
     """
-    return find_dataset_folder(settings) / ("evaluation" if scope == "DATASET" else "evaluation_scene")
+    return find_dataset_folder(settings) / _name_folder(scope)
+
+
+def _name_folder(scope: str) -> str:
+    return "evaluation_scene" if scope == "SCENE" else "evaluation"
+
+
+def select_dataset(scene: bpy.types.Scene, settings: Settings, scope: str) -> Settings:
+    """The settings with the data set folder of a scope: the scene's own, or the one of its variations.
+
+    Raises IcyMoonError if there are no variations.
+    """
+    return last_variations.use_folder(scene, settings) if scope == last_variations.SCOPE else settings
 
 
 def read_summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
@@ -238,9 +254,10 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
     if found is None:
         return []
     subject = _describe_pairs(found.pairs, scene.icymoon.pairs.split())
-    if found.scope == "DATASET":
+    if found.scope != "SCENE":
         count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
-        subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
+        whole = "variations" if found.scope == last_variations.SCOPE else "data set"
+        subject = f"Of the {whole}" + (f", {format_count(count, 'pair')}" if count else "")
     sentences = [f"{subject}; measured {found.made.replace('T', ' ')[:16]} UTC"]
     changed = _find_changed_settings(scene)
     other = [(topic, s) for topic, s in changed if s.key != "folder"]
@@ -257,6 +274,8 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
             "The files of these results are in another folder than Data Set ▸ Folder. "
             "Set that folder again to see them, or render and evaluate in this one."
         )
+    elif found.scope == last_variations.SCOPE and found.settings.dataset.folder != scene.icymoon.variations.folder:
+        sentences.append("Other variations were rendered since; press Evaluate These Variations to measure those.")
     return sentences
 
 
@@ -287,12 +306,23 @@ def _read_creation_time(report: Mapping[str, Any]) -> str:
     return str(report.get("provenance", {}).get("created", ""))
 
 
-def find_report_folder(scene: bpy.types.Scene) -> Path:
-    """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
+def find_measured_dataset(scene: bpy.types.Scene) -> Path:
+    """The data set folder of a scene's last evaluation. Raises IcyMoonError if there was none."""
+    own = typed({"dataset": {"folder": scene.icymoon.dataset.folder}})
+    return find_dataset_folder(select_dataset(scene, own, _read_results(scene).scope))
+
+
+def _read_results(scene: bpy.types.Scene) -> StoredResults:
     found = read_stored_results(scene)
     if found is None:
         raise IcyMoonError("This scene has not been evaluated yet; press Evaluate.")
-    folder = find_evaluation_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
+    return found
+
+
+def find_report_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
+    found = _read_results(scene)
+    folder = find_measured_dataset(scene) / _name_folder(found.scope)
     if _clean_text(_read_creation_time(_read_report(folder))) != found.made:
         raise IcyMoonError(f"{folder} contains an evaluation other than the one shown; press Evaluate again.")
     return folder
@@ -450,20 +480,17 @@ def show_images(
     return bool(paths) and not bpy.app.background and image_editor.show_in_editor(open_window, show)
 
 
-def has_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:
-    """Return whether a scene was evaluated; otherwise explain it in the operator's tooltip."""
-    found = read_stored_results(scene) is not None
-    if not found:
-        operator.poll_message_set("This scene has not been evaluated yet")
-    return found
+def explain_missing_results(scene: bpy.types.Scene) -> str:
+    """A text that a scene was not evaluated; empty if it was."""
+    return "" if read_stored_results(scene) is not None else "This scene has not been evaluated yet"
 
 
-class ResultOperator(OperatorMixin):
+class ResultOperator(ExplainedOperator):
     """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_results(cls, context.scene)
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return explain_missing_results(context.scene)
 
 
 class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):

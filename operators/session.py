@@ -55,7 +55,7 @@ class Session:
     to_develop: set[str] = field(default_factory=set)  # scenes
     development_notes: list[str] = field(default_factory=list)  # warnings of the last development, or why it failed
     exported: Exported | None = None
-    decided: tuple[str, ...] = ()  # sentences on the last decisions where to dig
+    decided: dict[int, tuple[str, ...]] = field(default_factory=dict)  # where to dig, by ``session_uid`` of the scene
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
     tracing: Job | None = None  # traces the shadow in a view

@@ -31,7 +31,7 @@ from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
 from ..support.system import remove_folder
 from ..support.temporary_folders import make_scratch_folder
-from . import image_editor, live_preview, view_exposure
+from . import image_editor, last_variations, live_preview, view_exposure
 from .camera_image_notes import AS_RECORDED
 from .evaluate import find_rendered_pairs
 from .job_operators import WatchingOperator
@@ -91,6 +91,11 @@ def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
     return [path for path in found if (path / "pair.json").is_file()]
 
 
+def find_pairs_to_show(scene: bpy.types.Scene) -> list[Path]:
+    """Existing folders of the pairs, then of the variations, that were rendered last from a scene."""
+    return list(dict.fromkeys([*find_kept_pairs(scene), *last_variations.find_pairs(scene)]))
+
+
 # ---- the image ------------------------------------------------------------------------------------------------------
 
 
@@ -122,8 +127,9 @@ def _write_pictures(pictures: list[Any]) -> None:
             path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
 
 
-def _show_view(now: ShownPair, open_window: bool) -> None:
-    """Show a view in an Image Editor, see ``image_editor.show_in_editor``."""
+def _show_view(now: ShownPair, open_window: bool, raise_window: bool) -> None:
+    """Show a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an editor that shows
+    the image already comes to the front."""
     _write_pictures(now.views.pictures(now.view))
     image = find_image()
     new = image is None
@@ -141,6 +147,8 @@ def _show_view(now: ShownPair, open_window: bool) -> None:
         push_undo("Show Stereo Pair")
     if areas:
         _begin_flicker()
+        if raise_window:
+            image_editor.raise_window(areas[0])
     redraw_panels()
 
 
@@ -214,7 +222,7 @@ class ShowsPair(WatchingOperator):
         if self._job is not None:
             session.reading = None
             self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
-        _show_view(self._found, self._opens_window(context))
+        _show_view(self._found, self._opens_window(context), raise_window=not self.automatic)
         if self._job is not None and self.automatic:
             view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
 
@@ -241,7 +249,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         default=1,
         min=1,
         options={"SKIP_SAVE"},
-        description="Which pair, if the scene has several headings",
+        description="Which pair, if the scene has several headings or variations",
     )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
     id: bpy.props.StringProperty(
@@ -258,7 +266,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         if self.id:
             return folder_of_pair(find_dataset_folder(settings), check_id(self.id, "The button"))
-        found = find_kept_pairs(context.scene) or find_rendered_pairs(context, settings)
+        found = find_pairs_to_show(context.scene) or find_rendered_pairs(context, settings)
         return found[min(self.number, len(found)) - 1]
 
 
@@ -269,7 +277,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
 def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
     """The shown pair and view; None if they belong to another scene."""
     now = session.shown
-    return now if now is not None and now.folder in find_kept_pairs(scene) else None
+    return now if now is not None and now.folder in find_pairs_to_show(scene) else None
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
@@ -313,7 +321,7 @@ def _develop_shown_pair() -> None:
     image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
     if shown is None or image is None or not image_editor.find_editors_showing(image):
         return
-    found = find_kept_pairs(windows[0].scene)
+    found = find_pairs_to_show(windows[0].scene)
     if shown.folder in found:
         with bpy.context.temp_override(window=windows[0]):
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True, number=1 + found.index(shown.folder))

@@ -22,7 +22,8 @@ from ..physics.light.sky_over_map import find_sky_place, uses_sky_of_site
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.blender_abilities import Abilities
-from ..render.cost.machine_speed import Speed, recall_speed
+from ..render.cost.estimate import ASSUMED_TRIANGLES
+from ..render.cost.machine_speed import Speed, recall_speed, remember_speed
 from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..settings.table import TOPICS
 from ..settings.topics.camera import RigSettings, SensorSettings
@@ -331,15 +332,11 @@ def _make_row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
     ]
 
 
-#: Number of triangles that estimates assume for ground that is not built. The time depends little on it.
-_ASSUMED_TRIANGLES = 1e6
-
-
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
     return _list_qualities(
         settings,
-        _ASSUMED_TRIANGLES,
+        ASSUMED_TRIANGLES,
         recall_known_speed(str(settings.quality.device)),
         Abilities(compat.has_osl(), compat.has_oidn()),
     )
@@ -360,6 +357,7 @@ def recall_known_speed(device: str) -> Speed | None:
     return recall_speed(device, bpy.app.version_string)
 
 
-def forget_speed() -> None:
-    """Read the speed again after a new measurement."""
+def keep_speed(speed: Speed) -> None:
+    """Let all later estimates rest on a speed. Raises IcyMoonError if it cannot be stored."""
+    remember_speed(speed)
     recall_known_speed.cache_clear()

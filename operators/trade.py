@@ -24,6 +24,7 @@ from ..support.temporary_folders import make_scratch_folder
 from . import jobs, results, sidebar_text
 from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator
+from .operator_type import ExplainedOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
 from .window_areas import find_scene
@@ -126,18 +127,15 @@ def show_chart(context: bpy.types.Context, open_window: bool) -> bool:
     return path is not None and results.show_images([path], open_window, {path: "Speed and Accuracy"})
 
 
-class ICYMOON_OT_show_trade(bpy.types.Operator):
+class ICYMOON_OT_show_trade(ExplainedOperator, bpy.types.Operator):
     """Show cost against error of all qualities that were compared, in an Image Editor. A line joins the best"""
 
     bl_idname = "icymoon.show_trade"
     bl_label = "Show Chart"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if find_chart(context.scene) is None:
-            cls.poll_message_set("No qualities were compared yet; press Compare Qualities")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if find_chart(context.scene) else "No qualities were compared yet; press Compare Qualities"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         show_chart(context, open_window=True)
@@ -231,8 +229,7 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
         return jobs.Job.start(self.bl_label, command, hear, clean, device=self._device)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        machine_speed.remember_speed(self._speed)
-        sidebar_text.forget_speed()
+        sidebar_text.keep_speed(self._speed)
         self.report(
             {"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the estimates"
         )

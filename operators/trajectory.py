@@ -11,6 +11,7 @@ from ..formats.trajectories import tum_text
 from ..nodes.rig import find_eye_poses
 from ..support.files import write_text
 from . import dialogs
+from .operator_type import ExplainedOperator
 
 
 def _read_poses(scene: bpy.types.Scene) -> str:
@@ -30,7 +31,7 @@ def _read_poses(scene: bpy.types.Scene) -> str:
     return tum_text(stamps, poses, "camera, x right, y down, z forward")
 
 
-class ICYMOON_OT_save_trajectory(dialogs.SaveDialog, bpy.types.Operator):
+class ICYMOON_OT_save_trajectory(dialogs.SaveDialog, ExplainedOperator, bpy.types.Operator):
     """Save the poses of the scene's camera, frame by frame, as a text file of TUM's format, for a plan that follows them"""  # noqa: E501
 
     bl_idname = "icymoon.save_trajectory"
@@ -41,9 +42,8 @@ class ICYMOON_OT_save_trajectory(dialogs.SaveDialog, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.txt", options={"HIDDEN"})
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        cls.poll_message_set("The scene has no camera; add one, or press Build Scene")
-        return context.scene.camera is not None
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return "" if context.scene.camera else "The scene has no camera; add one, or press Build Scene"
 
     def save(self, context: bpy.types.Context, path: Path) -> None:
         write_text(path, _read_poses(context.scene))

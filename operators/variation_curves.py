@@ -11,6 +11,7 @@ from ..render.plans.vary_scene import (
 )
 from ..settings.blender import scene_properties
 from . import results
+from .operator_type import ExplainedOperator
 
 
 def sort_curves(scene: bpy.types.Scene) -> dict[str, Path]:
@@ -35,7 +36,7 @@ def show_curves(context: bpy.types.Context, open_window: bool, first: str = "") 
     )
 
 
-class ICYMOON_OT_show_curve(bpy.types.Operator):
+class ICYMOON_OT_show_curve(ExplainedOperator, bpy.types.Operator):
     """Show the error of each matcher against a setting that varies, in an Image Editor"""
 
     bl_idname = "icymoon.show_curve"
@@ -44,11 +45,10 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
     setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not results.find_curves(context.scene):
-            cls.poll_message_set("There is no evaluation of a data set in which a setting varies; evaluate one first")
-            return False
-        return True
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        if results.find_curves(context.scene):
+            return ""
+        return "There is no evaluation of a data set in which a setting varies; evaluate one first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         show_curves(context, open_window=True, first=self.setting)

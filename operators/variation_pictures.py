@@ -111,12 +111,11 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
     bl_label = "Show First and Last"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         variations = scene_properties.read_variations(context.scene.icymoon)
         if not variations.varied and variations.seeds == 1:
-            cls.poll_message_set("No setting varies yet; press + above, or raise Variations by Seed")
-            return False
-        return super().poll(context)
+            return "No setting varies yet; press + above, or raise Variations by Seed"
+        return super().find_obstacle(context)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene

@@ -95,11 +95,15 @@ def find_folder_fault(folder: Path, text: str) -> str:
     return ""
 
 
-def find_free_folder(folder: Path, text: str, title: str) -> Path:
-    """The folder if the plan can be rendered into it, or a folder beside it, named after the varied settings."""
+def find_free_folder(folder: Path, text: str, title: str, last: Path | None = None) -> Path:
+    """A folder for the plan: beside the folder of the scene, and named after the varied settings.
+
+    It is the folder of the ``last`` variations, or the one of the scene, only if this plan continues the plan there.
+    """
     stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
-    candidates = [folder, folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
-    return next((each for each in candidates if not find_folder_fault(each, text)), folder)
+    beside = [folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
+    begun = [each for each in (last, folder) if each is not None and os.path.lexists(each / PLAN)]
+    return next((each for each in (*begun, *beside) if not find_folder_fault(each, text)), beside[0])
 
 
 class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, dialogs.SaveDialog, bpy.types.Operator):

@@ -22,6 +22,7 @@ from ..settings.topics.declaration import Setting
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .list_editing import EditedList, MoveEntry, RemoveEntry
+from .operator_type import ExplainedOperator
 from .sidebar_text import format_for_window
 
 #: Number of values of a setting that the panel shows.
@@ -69,7 +70,7 @@ _ValueFields: Any = type(
 )
 
 
-class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
+class ICYMOON_OT_vary(_ValueFields, ExplainedOperator, bpy.types.Operator):
     """Vary a setting of this scene: render a pair for each value and see how the error depends on it"""
 
     bl_idname = "icymoon.vary"
@@ -101,12 +102,10 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         )
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
         name = find_setting_of_button(context)
         why = why_fixed(*name.split(".")) if name else ""
-        if why:
-            cls.poll_message_set(format_for_window(f"{name} {why}."))
-        return not why
+        return format_for_window(f"{name} {why}.") if why else ""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self.properties.is_property_set("setting"):

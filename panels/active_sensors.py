@@ -36,7 +36,7 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_lidar"
     bl_label = "LiDAR"
-    page = "howto/lidar"
+    page = "howto/lidar#in-the-window"
     bl_parent_id = "ICYMOON_PT_active_sensors"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -62,15 +62,17 @@ class ICYMOON_PT_lidar(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.show_scan", "Show LiDAR Points", "HIDE_OFF")
         if lidar_in_view.find_shown(context.scene) is None:
             return
-        layout.operator("icymoon.hide_scan", icon="X")
-        if legend := lidar_in_view.make_legend(context.scene, group.colour):
+        shows_points = lidar_in_view.find_points(context.scene) is not None
+        layout.operator("icymoon.hide_scan", text=f"Remove LiDAR {'Points' if shows_points else 'Beams'}", icon="X")
+        legend = lidar_in_view.make_legend(context.scene, group.colour)
+        if shows_points and legend:
             column = layout.column()
             column.label(text="Colour")
             column.prop(group, "colour", text="")
             column.prop(group, "points", slider=True)
-            column = layout.column(align=True)
-            for text, icon in legend:
-                draw_lines(column, (text,), icon)
+        column = layout.column(align=True)
+        for text, icon in legend:
+            draw_lines(column, (text,), icon)
 
 
 CLASSES = (ICYMOON_PT_active_sensors, ICYMOON_PT_lidar)

@@ -12,12 +12,12 @@ from .fields import draw_sentence
 
 
 def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw what the last decisions were, and a button for each map of each matcher that has decisions.
+    """Draw what the last decisions of a scene were, and a button for each map of each matcher that has decisions.
 
     The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
     a button from under the mouse.
     """
-    for sentence in session.decided:
+    for sentence in session.decided.get(scene.session_uid, ()):
         draw_sentence(layout, sentence, "INFO")
     shown, meanings = painted_decisions.find_shown_map(scene), painted_decisions.make_legend(scene)
     for method in list_decided_methods(scene):

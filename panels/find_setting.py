@@ -1,6 +1,8 @@
-"""Find Setting: a field for typed words, and the settings that have these words, which can be changed there."""
+"""Find Setting: a field for typed words, and the settings and buttons that have these words, which work there."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import bpy
 
@@ -11,11 +13,12 @@ from ..settings.find_settings import find_settings
 from ..settings.table import TOPICS, list_all_settings
 from ..settings.topics.scene import Settings
 from .fields import draw_field, draw_lines
+from .sidebar_buttons import Button, draw_button, find_buttons
 
 #: Property of the window manager for the typed words; it is not saved.
 TYPED = "icymoon_sought"
-#: Maximum number of settings that are drawn.
-MOST_FOUND = 12
+#: Maximum number of settings that are drawn, and of buttons.
+MOST_FOUND, MOST_BUTTONS = 12, 4
 _POPUP_WIDTH_PX = 420
 #: (name, text, tooltip) of all settings for Blender's search, which follows the typing. Blender keeps no copy of them.
 _ITEMS = [
@@ -34,20 +37,33 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
 
 
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the field for words, and the settings that have these words."""
+    """Draw the field for words, and the settings and buttons that have these words.
+
+    Buttons that have them in their text or place are above the settings, and those with them in the tooltip below.
+    """
     row, typed = layout.row(align=True), getattr(context.window_manager, TYPED)
-    row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting")
+    row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting or Button")
     if not typed.strip():
         return
     found, root = find_settings(typed), context.scene.icymoon
     settings = scene_properties.read_for_display(root)
+    buttons = find_buttons(typed)
+    drawn = buttons[:MOST_BUTTONS]
+    _draw_buttons(layout, [each.button for each in drawn if each.near])
     for topic, key in found[:MOST_FOUND]:
         layout.separator(factor=0.5)
         _draw_found(layout.column(align=True), root, topic, key, settings)
-    if not found:
-        draw_lines(layout, ("No setting has these words",), "INFO")
-    if len(found) > MOST_FOUND:
-        draw_lines(layout, (f"{len(found) - MOST_FOUND} more; type another word",), "INFO")
+    _draw_buttons(layout, [each.button for each in drawn if not each.near])
+    if not found and not buttons:
+        draw_lines(layout, ("Nothing has these words",), "INFO")
+    if more := max(0, len(found) - MOST_FOUND) + len(buttons) - len(drawn):
+        draw_lines(layout, (f"{more} more; type another word",), "INFO")
+
+
+def _draw_buttons(layout: bpy.types.UILayout, buttons: Sequence[Button]) -> None:
+    for button in buttons:
+        layout.separator(factor=0.5)
+        draw_button(layout.column(align=True), button)
 
 
 def _draw_found(
@@ -102,7 +118,7 @@ def register() -> None:
     """Add the typed words to the window manager."""
     words = bpy.props.StringProperty(
         name="Find Setting",
-        description="Words of the label, the name or the tooltip of a setting",
+        description="Words of the label, the name or the tooltip of a setting or a button",
         options={"SKIP_SAVE", "TEXTEDIT_UPDATE"},
     )
     setattr(bpy.types.WindowManager, TYPED, words)

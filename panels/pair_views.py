@@ -24,7 +24,7 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
     The buttons exist from the build on and are grey without a pair, so that nothing below moves when a render ends.
     """
-    pairs = show_pair.find_kept_pairs(scene)
+    pairs = show_pair.find_pairs_to_show(scene)
     if not pairs and find_collection(scene) is None:
         return
     now = show_pair.find_shown_pair(scene)
@@ -63,7 +63,7 @@ def _draw_header(self: bpy.types.Header, context: bpy.types.Context) -> None:
     if image is None:
         return
     if now is not None and image == show_pair.find_image():
-        number = 1 + show_pair.find_kept_pairs(context.scene).index(now.folder)
+        number = 1 + show_pair.find_pairs_to_show(context.scene).index(now.folder)
         _draw_views(self.layout.row(align=True), show_pair.VIEWS, now, number)
         self.layout.label(text=show_pair.describe_picture(context.scene))
     elif note := camera_image_notes.read_note(image):

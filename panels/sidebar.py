@@ -312,7 +312,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_plan"
     bl_label = "Shipped Plans"
-    page = manual.find_page_of_topic("dataset")
+    page = "datasets#plans-from-files"
     bl_parent_id = "ICYMOON_PT_dataset"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 1

@@ -6,6 +6,8 @@ import bpy
 
 from ..operators import (
     dataset,
+    export_pairs,
+    last_variations,
     render_variations,
     show_pair,
     variation_curves,
@@ -41,6 +43,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_vary"
     bl_label = "Vary This Scene"
+    page = "datasets#vary-this-scene"
     bl_parent_id = "ICYMOON_PT_dataset"
     bl_order = 0
 
@@ -92,13 +95,14 @@ def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw buttons that show the first and the last pair and evaluate all, if several were rendered."""
-    count = len(show_pair.find_kept_pairs(scene))
-    if count > 1:
-        row = layout.row(align=True)
-        for text, number in (("First Pair", 1), ("Last Pair", count)):
-            row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = number
-        draw_start(layout, "icymoon.evaluate", "Evaluate These Variations", "VIEWZOOM", scope="DATASET")
+    """Draw buttons that show the first and the last pair of the variations rendered last, and evaluate all of them."""
+    pairs, listed = last_variations.find_pairs(scene), show_pair.find_pairs_to_show(scene)
+    row = layout.row(align=True)
+    for text, pair in zip(("First Pair", "Last Pair"), (*pairs[:1], *pairs[1:][-1:]), strict=False):
+        row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = 1 + listed.index(pair)
+    if last_variations.SCOPE in export_pairs.find_sources(scene):
+        scope = last_variations.SCOPE
+        draw_start(layout, "icymoon.evaluate", "Evaluate These Variations", "VIEWZOOM", scope=scope)
 
 
 def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: bpy.types.PropertyGroup) -> None:

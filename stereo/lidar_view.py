@@ -5,7 +5,7 @@ Imports no Blender.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,11 +32,12 @@ _COLOURS_BY_RETURN = np.array(
 
 @dataclass(frozen=True)
 class ShownPoints:
-    """Points (k,) of a scan in random order: the first of them are a random part of the scan of any size.
+    """Points (k,) of scans in random order: the first of them are a random part of the scans of any size.
 
     ``point_m`` (k, 3) in the site's axes, measured range and its error in metres (NaN of a false alarm), light in
     electrons or photons, delay in ice in metres of range, and number of the return (0: a false alarm). ``position_m``
-    (3,) is the place of the sensor, ``total`` the number of points of the scan, ``title`` the scanner's.
+    (k, 3) is the place of the sensor, ``total`` the number of points of the scans, ``title`` the scanner's. Of the
+    ``beams``, ``returned`` gave a return.
     """
 
     point_m: Array
@@ -48,36 +49,45 @@ class ShownPoints:
     position_m: Array
     total: int
     title: str
+    beams: int
+    returned: int
 
 
 _ARRAYS = ("point_m", "range_m", "error_m", "light", "ice_m", "order")
 
 
 def read_shown_points(
-    folder: Path, most: int = MOST_POINTS, report: Callable[[float, str], object] = lambda share, text: None
+    folders: Sequence[Path], most: int = MOST_POINTS, report: Callable[[float, str], object] = lambda share, text: None
 ) -> ShownPoints:
-    """``most`` random points of the scan in a folder, or all of fewer; the same each time.
+    """``most`` random points of the scans in some folders, or all of fewer; the same each time.
 
-    ``report`` is told the share that is read, and the present work. Raises IcyMoonError if the scan is missing or
-    damaged, or has no points.
+    ``report`` is told the share that is read, and the present work. Raises IcyMoonError if a scan is missing or
+    damaged, or if they have no points.
     """
-    facts = read_facts(folder)
-    total, seen = count_points(facts), 0
+    scans = [(folder, read_facts(folder)) for folder in folders]
+    total, seen = sum(count_points(facts) for _, facts in scans), 0
     random = make_generator(0, "range_points")
     rank, kept = np.zeros(0), {name: np.zeros((0, 3) if name == "point_m" else 0) for name in _ARRAYS}
-    for part in read_points(folder, facts):
-        _refuse_shape(folder, part)
-        rank = np.concatenate([rank, random.random(len(part))])
-        chosen = np.argsort(rank, kind="stable")[:most]
-        rank = rank[chosen]
-        kept = {name: np.concatenate([kept[name], getattr(part, name)])[chosen] for name in _ARRAYS}
-        seen += len(part)
-        report(min(1.0, seen / max(total, 1)), "Read points")
+    kept["position_m"] = np.zeros((0, 3))
+    for folder, facts in scans:
+        for part in read_points(folder, facts):
+            _refuse_shape(folder, part)
+            rank = np.concatenate([rank, random.random(len(part))])
+            chosen = np.argsort(rank, kind="stable")[:most]
+            rank = rank[chosen]
+            places = np.broadcast_to(np.array(facts["position_m"], float), (len(part), 3))
+            added = {name: getattr(part, name) for name in _ARRAYS} | {"position_m": places}
+            kept = {name: np.concatenate([kept[name], values])[chosen] for name, values in added.items()}
+            seen += len(part)
+            report(min(1.0, seen / max(total, 1)), "Read points")
     if not seen:
         raise IcyMoonError(
-            f"{folder / 'lidar.npz'} has no points; scan again with the ground in the range of the scanner."
+            f"{folders[0] / 'lidar.npz'} has no points; scan again with the ground in the range of the scanner."
         )
-    return ShownPoints(**kept, position_m=np.array(facts["position_m"]), total=seen, title=str(facts.get("title", "")))
+    beams = sum(facts["beams"] for _, facts in scans)
+    empty = sum(facts["beams_without_return"] for _, facts in scans)
+    title = str(scans[0][1].get("title", ""))
+    return ShownPoints(**kept, total=seen, title=title, beams=beams, returned=beams - empty)
 
 
 def _refuse_shape(folder: Path, part: ScanPoints) -> None:

@@ -137,8 +137,8 @@ _WALK_COST, _BURLEY_COST, _HALF_COST_WEIGHT = 12.0, 0.5, 0.5
 _LEAST_SAMPLES, _LEAST_SAMPLES_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
 #: Most scenes whose triangles are counted; other scenes are taken to have the mean of these.
 _MOST_COUNTED_SCENES = 6
-#: Number of triangles assumed for a ground that was not counted.
-_ASSUMED_TRIANGLES = 1e6
+#: Number of triangles assumed for a ground that was not counted. The time depends little on it.
+ASSUMED_TRIANGLES = 1e6
 #: Most complete pairs of the data set whose times are read.
 _MOST_TIMED_PAIRS = 400
 #: Standard deviations of the logarithm of seconds: of the whole plan on another machine and on this one, before a pair
@@ -469,8 +469,8 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
 
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
-    work = sum(estimate_work(each).seconds(_ASSUMED_TRIANGLES) for each in some) / len(some) * pairs
-    work += grounds * build_seconds(some[0], _ASSUMED_TRIANGLES) + _PROCESS_START_S + _WORKER_START_S
+    work = sum(estimate_work(each).seconds(ASSUMED_TRIANGLES) for each in some) / len(some) * pairs
+    work += grounds * build_seconds(some[0], ASSUMED_TRIANGLES) + _PROCESS_START_S + _WORKER_START_S
     return (
         to_wall_seconds((speed.factor if speed else 1.0) * work, speed),
         (sum(map(estimate_bytes, some)) / len(some) + STATED_BYTES) * pairs,
@@ -487,7 +487,7 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
             counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
             continue  # a file that cannot be read; the build reports why
-    mean = sum(counted.values()) / len(counted) if counted else _ASSUMED_TRIANGLES
+    mean = sum(counted.values()) / len(counted) if counted else ASSUMED_TRIANGLES
     return {name: counted.get(name, mean) for name in names}
 
 

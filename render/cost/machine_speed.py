@@ -14,7 +14,7 @@ from typing import Any
 
 from ...support.cache_folder import own_cache_folder
 from ...support.errors import IcyMoonError
-from ...support.file_schemas import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
+from ...support.file_schemas import COUNT, POSITIVE, TABLE, TEXT, Maybe, find_fault, read_record
 from ...support.files import write_json
 from ...support.system import count_processors
 
@@ -24,7 +24,8 @@ class Speed:
     """A measured speed.
 
     ``factor`` is the processor seconds of a pair here over the seconds that ``estimate`` expects. ``busy`` is the share
-    of the processors at work meanwhile; with a graphics card all processors count as busy.
+    of the processors at work meanwhile; with a graphics card all processors count as busy. ``by`` is the render that
+    was timed, in words.
     """
 
     factor: float
@@ -33,11 +34,12 @@ class Speed:
     processors: int
     measured: str  # moment, UTC, ISO 8601
     busy: float = 1.0
+    by: str = "a small render"
 
     @property
     def basis(self) -> str:
         """The source of the speed, in words."""
-        return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
+        return f"this machine, Blender {self.blender}, measured {self.measured[:10]} by {self.by}"
 
 
 #: Content of the stored entry. Entries of versions before ``busy`` are measured again.
@@ -48,6 +50,7 @@ _SPEED_SHAPE = {
     "processors": COUNT,
     "measured": TEXT,
     "busy": POSITIVE,
+    "by": Maybe(TEXT),
 }
 #: Share of the processors at work on a machine that was not measured.
 _ASSUMED_BUSY_SHARE = 0.85
@@ -79,7 +82,7 @@ def recall_speed(device: str, blender: str = "") -> Speed | None:
     Blender or, without ``blender``, the speed measured last. None without a measurement.
     """
     known = [
-        (key, Speed(**{name: entry[name] for name in _SPEED_SHAPE}))
+        (key, Speed(**{name: entry[name] for name in _SPEED_SHAPE if name in entry}))
         for key, entry in _read_speeds().items()
         if not find_fault(entry, _SPEED_SHAPE)
     ]

@@ -140,6 +140,14 @@ def _make_variations() -> object:
                 update=update,
                 description="Number of grounds of the same kind: that of the present seed, then others",
             ),
+            "folder": bpy.props.StringProperty(
+                name="Rendered Folder",
+                options={"HIDDEN"},
+                description="Folder into which the variations were rendered last",
+            ),
+            "pairs": bpy.props.StringProperty(
+                name="Rendered Variations", options={"HIDDEN"}, description="Ids of the variations that were rendered"
+            ),
         },
     )
     return bpy.props.PointerProperty(

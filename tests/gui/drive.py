@@ -262,9 +262,9 @@ def vary_by_plus() -> Waiting:
 
 def vary_by_mouse() -> Waiting:
     """Vary the Sun's elevation from the context menu of its field, render the variations and look at the curve."""
-    folder, group = FOLDER / "varied", window().scene.icymoon
-    kept, pairs_before = (group.dataset.folder, group.dataset.evaluate, group.dataset.methods), group.pairs
-    group.dataset.folder, group.dataset.evaluate, group.dataset.methods = str(folder), True, "sgbm"
+    group = window().scene.icymoon
+    kept = group.dataset.folder, group.dataset.evaluate, group.dataset.methods
+    group.dataset.folder, group.dataset.evaluate, group.dataset.methods = str(FOLDER / "varied"), True, "sgbm"
     size = group.rig.width_px, group.rig.height_px, group.terrain.resolution
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = 160, 120, 129
     yield from to(*middle("UI"))
@@ -297,7 +297,9 @@ def vary_by_mouse() -> Waiting:
     yield from key("Return")
     yield from until(lambda: session().job, "Starting to render the variations")
     yield from ended()
+    folder = FOLDER / "varied_sun_elevation"
     check(len(list(folder.glob("pairs/*/pair.json"))) == 2, "not both variations are there")
+    check(group.dataset.folder == str(FOLDER / "varied"), f"the scene's folder is now {group.dataset.folder}")
     yield from away()
     yield 10 * TICK_S  # the button of the curve appears
     yield from screenshot("vary_done")
@@ -311,7 +313,6 @@ def vary_by_mouse() -> Waiting:
     yield from screenshot("vary_curve")
     yield from person.close_second_window("the Image Editor")
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
-    group.pairs = pairs_before  # as this folder has them, and not the other one
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = size
     yield from to(*middle("UI"))
     yield from scroll(-400)

@@ -28,6 +28,8 @@ def make_points(count: int) -> ShownPoints:
         position_m=np.array([0.0, 0.0, 5.0]),
         total=3 * count,
         title="Test",
+        beams=10 * count,
+        returned=2 * count,
     )
 
 
@@ -60,10 +62,13 @@ def test_points_are_squares_with_their_values_of_which_the_first_are_shown(scene
     assert read_colours(item).tolist() == colour_points(ICE_DELAY, list_values(points)).astype(int).tolist()
     lidar_in_view.recolour(scene, RETURN_NUMBER)
     assert len(np.unique(read_colours(item), axis=0)) == 4
-    assert lidar_in_view.make_legend(scene, RETURN_NUMBER)[:2] == (
-        ("Test", "NONE"),
-        ("20 of 60 points can be shown", "NONE"),
-    )
+    near, far = points.range_m.min(), points.range_m.max()
+    assert [text for text, _ in lidar_in_view.make_legend(scene, RETURN_NUMBER)[:4]] == [
+        "Test",
+        "40 of 200 beams returned",
+        f"Range: {near:.3g} to {far:.3g} m",
+        "20 of 60 points can be shown",
+    ]
     assert item.hide_render
 
 
@@ -112,11 +117,24 @@ def test_beams_end_on_the_ground_that_they_meet_and_pass_through_points(scene):
     assert corners[:, :3].mean(axis=1) == pytest.approx(np.tile((0, 0, 2), (len(corners), 1)), abs=1e-5)
     assert end[:, 2] == pytest.approx(0.0, abs=1e-4)
     assert (read_colours(item, 6) == (90, 255, 120)).all()
+    legend = [text for text, _ in lidar_in_view.make_legend(scene, ICE_DELAY)]
+    length_m = np.linalg.norm(end - (0, 0, 2), axis=1)
+    assert legend == [
+        lidar.title,
+        "225 of 225 beams meet the ground",
+        f"Range: {length_m.min():.3g} to {length_m.max():.3g} m",
+        "Green: meets the ground",
+        "Grey: meets nothing",
+    ]
     camera.rotation_euler.x = np.pi  # to the sky
     bpy.context.view_layer.update()
     sky = lidar_in_view.show_beams(scene, built, lidar)
     assert len(np.unique(read_colours(sky, 6), axis=0)) == 1
     assert (read_colours(sky, 6)[0] != (90, 255, 120)).any()
+    assert [text for text, _ in lidar_in_view.make_legend(scene, ICE_DELAY)][1:3] == [
+        "0 of 225 beams meet the ground",
+        "No range was measured",
+    ]
 
 
 def test_rods_are_closed_and_as_long_as_stated():

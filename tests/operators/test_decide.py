@@ -28,15 +28,15 @@ def scene(monkeypatch, tmp_path):
 
 
 @pytest.mark.heavy
-@pytest.mark.usefixtures("scene")
-def test_the_data_set_is_decided_and_its_page_is_known_as_ours(tmp_path):
+def test_the_data_set_is_decided_and_its_page_is_known_as_ours(scene, tmp_path):
     assert bpy.ops.icymoon.decide() == {"FINISHED"}
     page = tmp_path / "decisions" / "decisions.html"
     assert trusted_reports.is_own_report(page)
     assert "StereoBM" in page.read_text(encoding="utf-8")
-    assert any("StereoBM" in sentence for sentence in session.decided)
+    told = session.decided[scene.session_uid]
+    assert any("StereoBM" in sentence for sentence in told)
     shown = texts(drawn(sidebar.ICYMOON_PT_evaluation))
-    assert all(" ".join(sentence.split()[:3]) in shown for sentence in session.decided)
+    assert all(" ".join(sentence.split()[:3]) in shown for sentence in told)
     session.reset()
     assert "StereoBM under" not in texts(drawn(sidebar.ICYMOON_PT_evaluation))
 
@@ -48,6 +48,24 @@ def test_several_suns_of_a_site_are_decided_on_once(tmp_path):
     assert bpy.ops.icymoon.decide(fuse_suns=True) == {"FINISHED"}
     report = json.loads((tmp_path / "decisions" / "decisions.json").read_text(encoding="utf-8"))
     assert [(row["pair"], row["suns"]) for row in report["rows"]] == [("b", 2), ("b", 2)]
+
+
+def test_decisions_are_shown_in_the_scene_whose_data_set_they_are_of(scene, tmp_path):
+    kind = decide.ICYMOON_OT_decide
+    job = stand_in(result={"head": ["The site is safe."]})
+    operator = stand_in(_page=tmp_path, _scene_uid=scene.session_uid, _job=job, report=lambda kind, text: None)
+    kind.report_success(operator, bpy.context)
+    other = bpy.data.scenes.new("other")
+    assert "The site is safe" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    with bpy.context.temp_override(scene=other):
+        assert "The site is safe" not in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    operator._scene_uid, job.result = other.session_uid, {"head": []}
+    kind.report_success(operator, bpy.context)
+    assert "The site is safe" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    scene.name = "renamed"  # neither name nor place in memory counts
+    assert "The site is safe" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    bpy.data.scenes.remove(other)
+    session.reset()
 
 
 @pytest.fixture

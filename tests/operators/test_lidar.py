@@ -9,11 +9,13 @@ import bpy
 import pytest
 from icymoon.nodes import lidar_in_view
 from icymoon.operators import jobs, lidar
+from icymoon.panels import active_sensors
 from icymoon.render.pairs.dataset_file_names import folder_of_pair
 from icymoon.settings.blender.scene_properties import OWN_SCANNER
 from icymoon.settings.preset_files import LIDARS
 from icymoon.support.errors import IcyMoonError
 from lidar_scans import write_folder
+from panel_drawing import drawn, texts
 
 
 @pytest.fixture
@@ -45,7 +47,7 @@ def test_a_scan_is_the_job_of_the_command_line(small, started):
     assert Path(file) == LIDARS / "livox_hap.toml"
     asked = json.loads(asked)
     assert (asked["rows"], asked["columns"], asked["without"]) == (12, None, ["ice", "detector"])
-    assert [pair["id"] for pair in job["pairs"]] == [lidar.plan_scan(small).id]
+    assert [pair["id"] for pair in job["pairs"]] == [lidar.plan_scans(small)[0].id]
 
 
 def test_waveforms_of_the_panel_are_asked_for_or_refused_before_a_scan(small, started):
@@ -64,7 +66,7 @@ def test_waveforms_of_the_panel_are_asked_for_or_refused_before_a_scan(small, st
 
 def test_a_rendered_pair_has_its_scan_in_its_own_folder(small, started, monkeypatch):
     monkeypatch.setattr(lidar, "is_complete", lambda folder: True)
-    planned = lidar.plan_scan(small)
+    (planned,) = lidar.plan_scans(small)
     pair = folder_of_pair(Path(small.icymoon.dataset.folder), planned.id)
     write_folder(pair, measured=True)
     (pair / "lidar.ply").write_bytes(b"")
@@ -75,13 +77,16 @@ def test_a_rendered_pair_has_its_scan_in_its_own_folder(small, started, monkeypa
 
 
 def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
-    write_folder(lidar.find_scan_folder(small, lidar.plan_scan(small)), measured=True)
+    write_folder(lidar.find_scan_folders(lidar.plan_scans(small))[0], measured=True)
     assert bpy.ops.icymoon.show_scan() == {"FINISHED"}
     item = lidar_in_view.find_points(small)
     small.icymoon.lidar.points = 2
     small.icymoon.lidar.colour = "RETURN_NUMBER"
     assert len(item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons) == 2
     assert any("alarm" in text for text, _ in lidar_in_view.make_legend(small, "RETURN_NUMBER"))
+    shown = texts(drawn(active_sensors.ICYMOON_PT_lidar))
+    assert "2 of 6 beams returned" in shown  # of two beams, one has two returns
+    assert "Remove LiDAR Points" in shown
     assert bpy.ops.icymoon.hide_scan() == {"FINISHED"}
     assert not bpy.ops.icymoon.hide_scan.poll()
     assert not bpy.ops.icymoon.show_beams.poll()  # before there is a scene
@@ -90,8 +95,29 @@ def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
     assert lidar_in_view.find_shown(small) is None  # the ground may be another
     assert bpy.ops.icymoon.show_beams() == {"FINISHED"}
     assert lidar_in_view.find_shown(small).name == lidar_in_view.BEAMS
+    shown = texts(drawn(active_sensors.ICYMOON_PT_lidar))
+    assert "Remove LiDAR Beams" in shown
+    assert "beams meet the ground" in shown
+    assert "Points Shown" not in shown
     assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
     assert lidar_in_view.find_shown(small) is None  # the beams end on ground that is gone
+
+
+def test_all_headings_are_scanned_and_shown(small, started):
+    small.icymoon.dataset.headings = 3
+    start()
+    (_, _, folder, *_), job = started[0]
+    planned = lidar.plan_scans(small)
+    assert len({each.settings.rig.heading_deg for each in planned}) == 3
+    assert [pair["id"] for pair in job["pairs"]] == [each.id for each in planned]
+    folders = lidar.find_scan_folders(planned)
+    assert {each.parent for each in folders} == {Path(folder)}
+    for count, each in enumerate(folders[:2], 1):
+        write_folder(each, measured=True)
+        assert bpy.ops.icymoon.show_scan() == {"FINISHED"}  # a stopped scan has some of them
+        legend = [text for text, _ in lidar_in_view.make_legend(small, "INTENSITY")]
+        assert f"{2 * count} of {6 * count} beams returned" in legend
+        assert f"{3 * count} points" in legend
 
 
 def refuse(operator: str, words: str) -> None:

@@ -13,13 +13,18 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.operators import jobs, render
+from icymoon.operators import jobs, render, sidebar_text
+from icymoon.render.cost.machine_speed import Speed
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.workers.job_commands import blender_command, read_job
 from icymoon.settings.blender import scene_properties
+from icymoon.settings.description import defaults
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.exr import read_view
+from icymoon.support import cache_folder
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import hash_file
+from icymoon.support.system import count_processors
 from own_groups import make_group
 
 
@@ -40,6 +45,29 @@ def started(monkeypatch):
         return job, read_job(Path(commands[-1][-1])) | {"job": commands[-1][-1]}
 
     return start
+
+
+def test_estimates_rest_on_the_pair_that_was_just_rendered(monkeypatch, tmp_path):
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
+    sidebar_text.recall_known_speed.cache_clear()
+    speed = Speed(2.0, "CPU", bpy.app.version_string, count_processors(), "2038-06-01T12:34+00:00", by="a pair")
+    monkeypatch.setattr(render, "read_speed_of_pair", lambda folder: speed)
+    operator: Any = SimpleNamespace(_rendered=[])
+    message = {"type": "pair", "id": "0123456789ab", "folder": str(tmp_path), "rendered": False}
+    render.ICYMOON_OT_render_pair._hear(operator, message)  # it was there already, perhaps from another machine
+    assert sidebar_text.describe_speed(defaults()) == "Timed on another machine"
+    render.ICYMOON_OT_render_pair._hear(operator, message | {"rendered": True})
+    told = sidebar_text.describe_speed(defaults())
+    assert told.startswith("Timed on this machine")
+    assert told.endswith("measured 2038-06-01 by a pair")
+
+    def refuse(folder: Path) -> None:
+        raise IcyMoonError("unreadable")
+
+    monkeypatch.setattr(render, "read_speed_of_pair", refuse)
+    render.ICYMOON_OT_render_pair._hear(operator, message | {"rendered": True})
+    assert operator._rendered == [message["id"]] * 3  # the pair is rendered all the same
+    sidebar_text.recall_known_speed.cache_clear()
 
 
 def read_settings() -> Settings:

@@ -9,10 +9,13 @@ from typing import Any
 
 import bpy
 import pytest
-from evaluations import write_evaluation
+from evaluations import ROW, write_evaluation
 from icymoon.nodes import build_scene as scenes
 from icymoon.operators import (
     dataset,
+    evaluate,
+    export_pairs,
+    last_variations,
     render_variations,
     results,
     show_pair,
@@ -31,6 +34,7 @@ from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import merged
 from icymoon.settings.table import TOPICS
 from plans import TINY
+from stand_ins import stand_in
 
 ELEVATION = "light.sun_elevation_deg"
 
@@ -153,11 +157,7 @@ def test_the_tooltip_of_vary_tells_what_the_field_tells():
 def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible):
     group = getattr(tiny.icymoon, topic)
     context = SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
-    said = []
-    kind = SimpleNamespace(poll_message_set=said.append)
-    poll: Any = varied_settings.ICYMOON_OT_vary.poll
-    assert poll.__func__(kind, context) is possible
-    assert bool(said) is not possible
+    assert (varied_settings.ICYMOON_OT_vary.find_obstacle(context) == "") is possible
 
 
 def test_the_lines_follow_the_settings_and_the_list(tiny):
@@ -272,11 +272,67 @@ def test_pairs_of_no_plan_are_not_mixed_with_those_of_one(tiny, tmp_path):
 
 def test_a_free_folder_is_named_after_what_varies(tiny, tmp_path):
     folder, text = tmp_path / "set", variations_of(tiny, 10, 20)
-    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == folder
+    beside = tmp_path / "set_sun_elevation_3_seeds"
+    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == beside  # the scene's own gets single pairs
     freeze(folder, variations_of(tiny, 10, 30))
-    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds"
-    freeze(tmp_path / "set_sun_elevation_3_seeds", variations_of(tiny, 10, 30))
+    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == beside
+    freeze(beside, variations_of(tiny, 10, 30))
     assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds_2"
+
+
+def test_variations_are_continued_where_they_were_begun(tiny, tmp_path):
+    begun, more = variations_of(tiny, 10, 20), variations_of(tiny, 10, 20, seeds=2)
+    freeze(tmp_path / "mine", begun)
+    assert find_free_folder(tmp_path / "set", more, "2 Seeds", tmp_path / "mine") == tmp_path / "mine"
+    assert find_free_folder(tmp_path / "mine", more, "2 Seeds") == tmp_path / "mine"
+    other = variations_of(tiny, 10, 30)
+    assert find_free_folder(tmp_path / "set", other, "Sun", tmp_path / "mine") == tmp_path / "set_sun"
+
+
+def start_rendering(scene, monkeypatch, **options):
+    """Begin to render the variations as the window does, without another process."""
+
+    def begin(settings, command, plan, scope):
+        facts = {"dataset": str(settings.dataset.folder), "scope": scope, "started": time.time()}
+        return SimpleNamespace(facts=facts)
+
+    monkeypatch.setattr(dataset, "start_batch", begin)
+    monkeypatch.setattr(dataset, "make_batch_command", lambda *_: [])
+    kind: Any = render_variations.ICYMOON_OT_render_variations
+    operator = stand_in(bl_label=kind.bl_label, **{"folder": "", "use_for_scene": False} | options)
+    operator._make_job = lambda process, context: kind._make_job(operator, process, context)
+    kind.start(operator, SimpleNamespace(scene=scene))
+    return operator
+
+
+def test_the_folder_of_variations_leaves_the_scenes_as_it_is_unless_asked(tiny, tmp_path, monkeypatch):
+    bpy.ops.icymoon.vary(setting=ELEVATION, first=10, last=20, count=2)
+    group, other = tiny.icymoon.dataset, str(tmp_path / "other")
+    operator = start_rendering(tiny, monkeypatch, folder=other)
+    assert group.folder == str(tmp_path / "set")
+    assert last_variations.find_folder(tiny) == tmp_path / "other"
+    assert operator._keeper._settings.dataset.folder == other
+    start_rendering(tiny, monkeypatch, folder=other, use_for_scene=True)
+    assert group.folder == other
+
+
+def test_variations_are_measured_and_exported_from_their_folder(tiny, tmp_path):
+    with pytest.raises(RuntimeError, match="press Render These Variations first"):
+        bpy.ops.icymoon.evaluate(scope="VARIATIONS")
+    (tmp_path / "other" / "pairs" / "0123456789ab").mkdir(parents=True)
+    (tmp_path / "other" / "pairs" / "0123456789ab" / "pair.json").write_text("{}")
+    last_variations.remember_folder(tiny, tmp_path / "other")
+    assert export_pairs.find_sources(tiny) == {"VARIATIONS": [tmp_path / "other"]}
+    settings = results.select_dataset(tiny, scene_properties.read_settings(tiny.icymoon), "VARIATIONS")
+    write_evaluation(results.find_evaluation_folder(settings, "VARIATIONS"), {**ROW, "pairs": 2})
+    evaluate.ResultKeeper(tiny, "VARIATIONS", settings)({"type": "result"})
+    assert results.find_report_folder(tiny) == tmp_path / "other" / "evaluation"
+    (only,) = results.list_notes(tiny)
+    assert only.startswith("Of the variations, 2 pairs")
+    tiny.icymoon.dataset.folder = str(tmp_path / "elsewhere")  # their results do not depend on it
+    assert results.list_notes(tiny) == [only]
+    last_variations.remember_folder(tiny, tmp_path / "later")
+    assert "Other variations were rendered since" in results.list_notes(tiny)[1]
 
 
 def test_another_data_set_is_not_overwritten(tiny, tmp_path):
@@ -297,13 +353,14 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     monkeypatch.setattr(results, "show_images", lambda paths, open_window, names=None: shown.append(paths))
     assert not bpy.ops.icymoon.show_curve.poll()
     assert bpy.ops.icymoon.render_variations(folder=str(tmp_path / "other")) == {"FINISHED"}
-    assert group.folder == str(tmp_path / "other")
+    assert group.folder == str(tmp_path / "set")
     pairs = find_pairs(tmp_path / "other")
     assert {pair.settings.light.sun_elevation_deg for pair in pairs} == {20.0, 40.0}
     assert {pair.folder.name for pair in pairs} == {pair.id for pair in plan_of(tmp_path / "other").pairs()}
-    assert [path.name for path in show_pair.find_kept_pairs(tiny)] == [
+    assert [path.name for path in show_pair.find_pairs_to_show(tiny)] == [
         p.id for p in plan_of(tmp_path / "other").pairs()
     ]
+    assert results.list_notes(tiny)[0].startswith("Of the variations, 2 pairs; measured ")
     curve = tmp_path / "other" / "evaluation" / "curves" / f"{ELEVATION}.png"
     assert results.find_curves(tiny) == {ELEVATION: curve}
     image = bpy.data.images.load(str(curve))
@@ -314,7 +371,7 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     # Again: nothing is left to do, and more seeds continue the data set.
     written = {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
     tiny.icymoon.variations.seeds, group.evaluate = 2, False
-    assert bpy.ops.icymoon.render_variations() == {"FINISHED"}
+    assert bpy.ops.icymoon.render_variations(folder=str(tmp_path / "other")) == {"FINISHED"}
     assert (
         written.items()
         <= {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in find_pairs(tmp_path / "other")}.items()
@@ -324,9 +381,9 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
 
 @pytest.mark.parametrize(("count", "shown"), [(1, [0]), (5, [0, 1, 2, 3, 4]), (1000, None)])
 def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
-    found = render_variations._choose_spread(list(range(count)))
+    found = [int(name) for name in last_variations.choose_spread([str(k) for k in range(count)])]
     assert (found[0], found[-1]) == (0, count - 1)
-    assert found == shown if shown else len(set(found)) == len(found) == render_variations._MOST_PICTURES
+    assert found == shown if shown else len(set(found)) == len(found) == last_variations.MOST_PICTURES
 
 
 def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
@@ -334,7 +391,7 @@ def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
     freeze(tmp_path / "set", variations_of(tiny, 10, 30))
     said = []
     dialog: Any = SimpleNamespace(
-        _asked=True, folder=str(tmp_path / "set"), report=lambda kind, text: said.append(text)
+        _asked=True, folder=str(tmp_path / "set"), use_for_scene=False, report=lambda kind, text: said.append(text)
     )
     assert render_variations.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
     assert len(said) == 1

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import pytest
-from icymoon.panels import find_setting
+from evaluations import evaluated
+from icymoon.operators.session import session
+from icymoon.panels import CLASSES, find_setting, sidebar_buttons
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.find_settings import SYNONYMS, find_settings
 from icymoon.settings.table import TOPICS, list_all_settings
-from panel_drawing import Layout, texts
+from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
 
 
@@ -66,18 +69,109 @@ def test_a_longer_text_finds_no_more():
 
 def test_the_best_are_drawn_and_the_rest_is_counted(scene):
     record = draw("the")
-    found = find_settings("the")
+    found, buttons = find_settings("the"), sidebar_buttons.find_buttons("the")
     assert len(found) > find_setting.MOST_FOUND
-    assert sum(entry[0] == "separator" for entry in record) == find_setting.MOST_FOUND
-    assert f"{len(found) - find_setting.MOST_FOUND} more" in texts(record)
+    assert len(buttons) > find_setting.MOST_BUTTONS
+    shown = sum(entry[0] == "separator" for entry in record)
+    assert shown == find_setting.MOST_FOUND + find_setting.MOST_BUTTONS
+    assert f"{len(found) - find_setting.MOST_FOUND + len(buttons) - find_setting.MOST_BUTTONS} more" in texts(record)
 
 
 def test_fields_are_the_live_properties_with_their_panel(scene):
     record = draw("baseline")
     assert "Stereo Camera   rig.baseline_m" in texts(record)
     assert any(entry[0] == "prop" and str(entry[1]).endswith("rig.baseline_m") for entry in record)
-    assert "No setting has these words" in texts(draw("zzz"))
+    assert "Nothing has these words" in texts(draw("zzz"))
     assert len(draw("")) == 2  # the row and the field
+
+
+#: Words that new users typed or would type, with a button that they sought and the panel where it is.
+SOUGHT = {
+    "export": ("icymoon.export_pairs", "Icy Moon"),
+    "render": ("icymoon.render_pair", "Icy Moon"),
+    "trench": ("icymoon.place_on_ground", "Excavation"),
+    "click": ("icymoon.place_on_ground", "Stereo Camera"),
+    "lidar": ("icymoon.scan_lidar", "LiDAR"),
+    "measure": ("icymoon.evaluate", "Icy Moon"),
+    "dig": ("icymoon.decide", "Evaluation"),
+    "sweep": ("icymoon.vary", "Vary This Scene"),
+    "import": ("icymoon.import_ground", "Ground from a File"),
+    "kitti": ("icymoon.export_pairs", "Icy Moon"),
+    "save": ("icymoon.save_settings", "Render ▸ Icy Moon ▸ Load and Save"),
+    "paint": ("icymoon.paint_errors", "Stereo Error"),
+    "render variations": ("icymoon.render_variations", "Vary This Scene"),
+    "calibration": ("icymoon.read_calibration", "Stereo Camera"),
+    "report": ("icymoon.open_report", "Stereo Error"),
+}
+
+
+@pytest.mark.parametrize("typed", SOUGHT)
+def test_typed_words_find_the_button_and_its_place(scene, typed):
+    operator, place = SOUGHT[typed]
+    record = draw(typed)
+    drawn_at = [k for k, entry in enumerate(record) if entry[:2] == ("operator", operator)]
+    assert drawn_at, texts(record)
+    labels = [[entry[2]["text"] for entry in record[:k] if entry[0] == "label"][-1] for k in drawn_at]
+    assert place in labels
+
+
+def test_buttons_on_which_the_word_is_are_above_the_settings(scene):
+    kinds = [entry[0] for entry in draw("trench") if entry[0] in ("operator", "prop")][1:]
+    assert kinds.index("operator") < kinds.index("prop")
+    # In their tooltip it is a word among many.
+    kinds = [entry[0] for entry in draw("albedo") if entry[0] in ("operator", "prop")][1:]
+    assert kinds.index("prop") < kinds.index("operator")
+
+
+def test_a_found_button_is_grey_while_a_job_runs(scene, monkeypatch):
+    monkeypatch.setattr(session, "job", SimpleNamespace())
+    assert ("operator", "icymoon.wait", "Render Stereo Pair") in draw("render stereo")
+
+
+def test_each_found_button_is_drawn_and_has_the_properties_that_it_sets(scene):
+    for button in sidebar_buttons.BUTTONS:
+        layout = Layout()  # refuses operators and properties that there are not
+        sidebar_buttons.draw_button(layout, button)
+        assert ("operator", button.operator, button.text) in layout.record
+        assert sidebar_buttons.find_buttons(button.text)[0].button.text == button.text
+
+
+#: Buttons of an entry of a list, of one preset, picture or matcher, and those that a job draws.
+NOT_SOUGHT = {
+    *(f"icymoon.{each}_{verb}" for each in ("lamp", "layer", "variation") for verb in ("add", "remove", "move")),
+    "icymoon.toggle_matcher",
+    "icymoon.load_preset",
+    "icymoon.use_painted_mask",
+    "icymoon.clear_mask",
+    "icymoon.show_pair",
+}
+
+
+#: Buttons beside variations or ground from a file, which this scene has not, and of a menu.
+ELSEWHERE = {
+    ("icymoon.evaluate", "Vary This Scene"),
+    ("icymoon.place_on_ground", "Ground from a File"),
+    ("icymoon.load_preset", "Render ▸ Icy Moon ▸ Load and Save"),
+}
+
+
+def test_each_button_of_a_panel_is_found_with_the_name_of_the_panel(small, tmp_path):
+    bpy.ops.icymoon.build_scene()
+    evaluated(small, tmp_path)
+    panels: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
+    drawn_in: dict[str, set[str]] = {}
+    for cls in panels:
+        for entry in drawn(cls):
+            if entry[0] == "operator":
+                drawn_in.setdefault(entry[1], set()).add(cls.bl_label)
+    assert len(drawn_in) > 40
+    assert {*drawn_in} - {button.operator for button in sidebar_buttons.BUTTONS} - NOT_SOUGHT == set()
+    elsewhere = {
+        (button.operator, button.place)
+        for button in sidebar_buttons.BUTTONS
+        if button.operator in drawn_in and button.place.rpartition(" ▸ ")[2] not in drawn_in[button.operator]
+    }
+    assert elsewhere == ELSEWHERE
 
 
 def test_the_search_has_all_settings_and_shows_the_field_of_one(scene):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
+from icymoon.operators import show_pair
 from icymoon.panels import sidebar, vary
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.table import TOPICS
@@ -93,11 +94,28 @@ def test_the_first_and_the_last_pair_are_shown_once_several_are_rendered(scene, 
     for name in ids:
         (tmp_path / "pairs" / name).mkdir(parents=True)
         (tmp_path / "pairs" / name / "pair.json").write_text("{}")
-    scene.icymoon.dataset.folder = str(tmp_path)
-    scene.icymoon.pairs = ids[0]
+    scene.icymoon.variations.folder = str(tmp_path)
+    scene.icymoon.variations.pairs = ids[0]
     assert "Last Pair" not in texts(drawn(vary.ICYMOON_PT_vary))
-    scene.icymoon.pairs = " ".join(ids)
+    scene.icymoon.variations.pairs = " ".join(ids)
     assert "Last Pair" in texts(drawn(vary.ICYMOON_PT_vary))
+    assert "Evaluate These Variations" in texts(drawn(vary.ICYMOON_PT_vary))
+    scene.icymoon.variations.folder = ""
+    assert "These Variations" not in texts(drawn(vary.ICYMOON_PT_vary)).replace("Render These Variations", "")
+
+
+def test_arrows_step_from_the_scenes_pair_to_its_variations(scene, tmp_path):
+    ids = ["0123456789ab", "123456789abc", "23456789abcd"]
+    for folder, name in zip(("own", "varied", "varied"), ids, strict=True):
+        (tmp_path / folder / "pairs" / name).mkdir(parents=True)
+        (tmp_path / folder / "pairs" / name / "pair.json").write_text("{}")
+    scene.icymoon.dataset.folder, scene.icymoon.pairs = str(tmp_path / "own"), ids[0]
+    scene.icymoon.variations.folder, scene.icymoon.variations.pairs = str(tmp_path / "varied"), " ".join(ids[1:])
+    assert [path.name for path in show_pair.find_pairs_to_show(scene)] == ids
+    assert [path.name for path in show_pair.find_kept_pairs(scene)] == ids[:1]
+    for text in ("../../etc", "varied"):
+        scene.icymoon.variations.pairs = text
+        assert [path.name for path in show_pair.find_pairs_to_show(scene)] == ids[:1]
 
 
 def test_draws_are_asked_for_where_they_are_made(scene):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -20,18 +21,29 @@ from icymoon.stereo.lidar_view import (
     read_shown_points,
 )
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import write_json
 from lidar_scans import ALONG, POSE, write_folder
 
 
 def test_points_lie_where_they_were_measured_with_their_values(tmp_path):
-    shown = read_shown_points(write_folder(tmp_path, measured=True))
+    shown = read_shown_points([write_folder(tmp_path, measured=True)])
     order = np.argsort(shown.range_m)
     assert shown.range_m[order].tolist() == [2.5, 4.25, 9.0]  # the lost return is no point
     assert shown.point_m[order[:2]] == pytest.approx(POSE.position_m + ALONG[[0, 2]] * [[2.5], [4.25]])
     assert shown.error_m[order[:2]] == pytest.approx([0.625, 0.375])
     assert shown.order[order].tolist() == [1, 1, 0]  # the last is a false alarm
     assert shown.ice_m[order].tolist() == [0.04, 0.06, 0.0]
-    assert (shown.total, shown.title) == (3, "Test")
+    assert (shown.total, shown.title, shown.beams, shown.returned) == (3, "Test", 6, 2)
+
+
+def test_points_of_several_scans_are_seen_from_their_own_places(tmp_path):
+    folders = [write_folder(tmp_path / name, measured=True) for name in ("a", "b")]
+    facts = json.loads((folders[1] / "lidar.json").read_text(encoding="utf-8"))
+    write_json(folders[1] / "lidar.json", facts | {"position_m": [0.0, 0.0, 9.0]})
+    shown = read_shown_points(folders)
+    assert (shown.total, shown.beams, shown.returned) == (6, 12, 4)
+    places = [tuple(place) for place in shown.position_m.tolist()]
+    assert sorted(places) == sorted([tuple(POSE.position_m.tolist()), (0.0, 0.0, 9.0)] * 3)
 
 
 def test_fewer_points_are_the_first_of_more_whatever_the_parts(monkeypatch):
@@ -41,10 +53,10 @@ def test_fewer_points_are_the_first_of_more_whatever_the_parts(monkeypatch):
 
     def read(parts: list[tuple[int, int]], most: int) -> list[float]:
         monkeypatch.setattr(lidar_view, "read_points", lambda folder, facts: [make_part(*part) for part in parts])
-        return read_shown_points(tmp, most).range_m.tolist()
+        return read_shown_points([tmp], most).range_m.tolist()
 
     tmp = Path("anywhere")
-    facts = {"position_m": [0, 0, 0], "returns": 400}
+    facts = {"position_m": [0, 0, 0], "returns": 400, "beams": 500, "beams_without_return": 100}
     monkeypatch.setattr(lidar_view, "read_facts", lambda folder: facts)
     every = read([(0, 400)], 1000)
     assert sorted(every) == list(range(400))
@@ -56,15 +68,15 @@ def test_fewer_points_are_the_first_of_more_whatever_the_parts(monkeypatch):
 
 def test_a_scan_without_points_and_a_damaged_one_are_refused(tmp_path, monkeypatch):
     with pytest.raises(IcyMoonError, match=r"lidar\.json is missing; scan the scene again"):
-        read_shown_points(tmp_path / "none")
+        read_shown_points([tmp_path / "none"])
     folder = write_folder(tmp_path, measured=True)
     monkeypatch.setattr(lidar_view, "read_points", lambda folder, facts: [])
     with pytest.raises(IcyMoonError, match="has no points; scan again with the ground in the range"):
-        read_shown_points(folder)
+        read_shown_points([folder])
     bad = ScanPoints(np.full((2, 3), np.nan), *[np.zeros(2)] * 11)
     monkeypatch.setattr(lidar_view, "read_points", lambda folder, facts: [bad])
     with pytest.raises(IcyMoonError, match="points without a place"):
-        read_shown_points(folder)
+        read_shown_points([folder])
 
 
 #: Two returns that are too far and too near, and a false alarm.
@@ -100,6 +112,6 @@ def test_the_legend_states_what_colours_mean(kind):
 
 
 def test_values_are_those_of_points(tmp_path):
-    shown = read_shown_points(write_folder(tmp_path, measured=False))
+    shown = read_shown_points([write_folder(tmp_path, measured=False)])
     assert set(list_values(shown)) == set(VALUES)
     assert all(len(values) == len(shown.range_m) for values in list_values(shown).values())

@@ -135,7 +135,7 @@ def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     import bpy
 
     monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
-    sidebar_text.forget_speed()
+    sidebar_text.recall_known_speed.cache_clear()
     settings = description.defaults()
     assert "another machine" in sidebar_text.describe_speed(settings)
     assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
@@ -143,4 +143,4 @@ def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
     assert 1 / 30 < found.factor < 30
     assert "this machine" in sidebar_text.describe_speed(settings)
-    sidebar_text.forget_speed()
+    sidebar_text.recall_known_speed.cache_clear()

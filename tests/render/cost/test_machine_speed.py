@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
 
 import pytest
 from icymoon.commands import cli
@@ -15,6 +16,8 @@ from icymoon.settings import description
 from icymoon.support import cache_folder as folders
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError
+from stand_ins import stand_in
+from stated_pairs import PAIRS, whole
 
 
 @pytest.fixture(autouse=True)
@@ -106,6 +109,73 @@ def test_other_work_changes_the_clock_and_not_the_processor_seconds(tmp_path):
     # A card's own work is no processor's, so the clock counts.
     assert card.factor == pytest.approx(system.count_processors() * 800.0 / expected_of_the_probe())
     assert card.busy == 1.0
+
+
+def at(text):
+    """A clock that stands still."""
+    return stand_in(now=lambda zone: datetime.fromisoformat(text))
+
+
+def test_a_rendered_pair_shows_what_others_will_take(tmp_path, monkeypatch):
+    for module in (measure_speed, machine):
+        monkeypatch.setattr(module, "count_processors", lambda: 4)
+    monkeypatch.setattr(measure_speed, "datetime", at("2038-06-01T12:34:56+00:00"))
+    settings = description.merged(PAIRS[0].settings, {"quality": {"threads": 0}})
+    folder = whole(
+        tmp_path / "pair",
+        settings=settings,
+        seconds={"render": 9.5, "write": 0.5, "build": 3.0},
+        cpu_seconds={"before": 7.0, "pair": 32.0},
+    )
+    found = measure_speed.read_speed_of_pair(folder)
+    assert found is not None
+    machine.remember_speed(found)
+    assert machine.recall_speed("CPU", "5.0.1") == found
+    assert found.basis == "this machine, Blender 5.0.1, measured 2038-06-01 by a pair of 32 x 24 pixels with 2 samples"
+
+    def seconds(**changes):
+        wanted = description.merged(settings, changes)
+        return estimate_pair_seconds(wanted, estimate.ASSUMED_TRIANGLES, found)[0]
+
+    assert seconds() == pytest.approx(10.0)  # as the clock said
+    big = {"width_px": 640, "height_px": 480}
+    one = seconds(rig=big, quality={"samples": 4096})
+    # In a pair of billions of samples, all but the samples of the pixels is less than a thousandth.
+    assert seconds(rig=big, quality={"samples": 8192}) == pytest.approx(2 * one, rel=1e-2)
+    assert seconds(rig={"width_px": 1280, "height_px": 480}, quality={"samples": 4096}) == pytest.approx(
+        2 * one, rel=1e-2
+    )
+
+
+@pytest.mark.parametrize(
+    ("quality", "more"),
+    [
+        ({}, {"cpu_seconds": {"before": 1.0, "pair": 3.9}}),  # too short
+        ({}, {"edited_by_hand": True}),
+        ({"threads": 3}, {}),
+        ({"device": "GPU"}, {"device": "GPU"}),
+        ({"indirect": "BAKED"}, {"indirect": {"method": "TRACED"}}),
+    ],
+)
+def test_a_pair_whose_time_shows_little_changes_no_estimate(tmp_path, monkeypatch, quality, more):
+    monkeypatch.setattr(measure_speed, "count_processors", lambda: 4)
+    settings = description.merged(PAIRS[0].settings, {"quality": {"threads": 0}})
+    long = {"settings": settings, "cpu_seconds": {"before": 1.0, "pair": 32.0}}
+    assert measure_speed.read_speed_of_pair(whole(tmp_path / "whole", **long)) is not None
+    settings = description.merged(settings, {"quality": quality})
+    folder = whole(tmp_path / "other", **{**long, **more, "settings": settings})
+    assert measure_speed.read_speed_of_pair(folder) is None
+
+
+def test_a_speed_of_an_earlier_version_is_of_a_small_render(cache):
+    machine.remember_speed(speed())
+    file = machine._speed_file()
+    stored = json.loads(file.read_text())
+    for entry in stored.values():
+        del entry["by"]
+    file.write_text(json.dumps(stored))
+    assert machine.recall_speed("CPU") == speed()
+    assert speed().basis.endswith("measured 2030-01-01 by a small render")
 
 
 @pytest.mark.parametrize("busy", [0.5, 1.0])

@@ -218,4 +218,4 @@ def test_a_scan_without_its_waveforms_is_one_sentence(tmp_path):
 
 def test_points_of_a_scan_with_waveforms_are_shown(tmp_path):
     facts = write_folder(tmp_path)
-    assert read_shown_points(tmp_path, 10).total == facts["returns"] - facts["lost_returns"]
+    assert read_shown_points([tmp_path], 10).total == facts["returns"] - facts["lost_returns"]

@@ -1,0 +1,68 @@
+"""The variations of a scene that were rendered last: their folder and their pairs.
+
+They are stored beside the settings, so that a render of variations leaves the scene's data set folder as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from ..render.pairs.dataset_file_names import check_id, folder_of_pair
+from ..settings.description import overlay
+from ..settings.topics.scene import Settings, typed
+from ..support.errors import IcyMoonError
+from .render import find_dataset_folder
+
+#: The scope of an evaluation, and the source of an export, that is these pairs.
+SCOPE = "VARIATIONS"
+#: Maximum number of pairs whose pictures the sidebar offers.
+MOST_PICTURES = 24
+
+
+def remember_folder(scene: bpy.types.Scene, folder: Path) -> None:
+    """Store the folder into which the variations of a scene are rendered, as yet without pairs to show."""
+    group = scene.icymoon.variations
+    group.folder, group.pairs = str(folder), ""
+
+
+def remember_pairs(scene: bpy.types.Scene, ids: Sequence[str]) -> None:
+    """Store which pairs of the folder the sidebar shows."""
+    scene.icymoon.variations.pairs = " ".join(choose_spread(ids))
+
+
+def choose_spread(ids: Sequence[str]) -> list[str]:
+    """All ids, or as many as the sidebar can show: the first, the last and others at equal steps."""
+    count = min(MOST_PICTURES, len(ids))
+    return [ids[round(k * (len(ids) - 1) / max(1, count - 1))] for k in range(count)]
+
+
+def use_folder(scene: bpy.types.Scene, settings: Settings) -> Settings:
+    """The settings with the folder of the variations as their data set folder. Raises IcyMoonError without one."""
+    folder = scene.icymoon.variations.folder
+    if not folder:
+        raise IcyMoonError("No variations of this scene are rendered; press Render These Variations first.")
+    return overlay(settings, {"dataset": {"folder": folder}})
+
+
+def find_folder(scene: bpy.types.Scene) -> Path | None:
+    """The folder of the variations; None without one."""
+    folder = scene.icymoon.variations.folder
+    try:
+        return find_dataset_folder(typed({"dataset": {"folder": folder}})) if folder else None
+    except IcyMoonError:
+        return None
+
+
+def find_pairs(scene: bpy.types.Scene) -> list[Path]:
+    """Existing folders of the pairs to show; none if the scene's ids are invalid."""
+    folder = find_folder(scene)
+    if folder is None:
+        return []
+    try:
+        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.variations.pairs.split()]
+    except IcyMoonError:
+        return []
+    return [path for path in found if (path / "pair.json").is_file()]
