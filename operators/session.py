@@ -52,6 +52,7 @@ class Session:
     development_notes: list[str] = field(default_factory=list)  # warnings of the last development, or why it failed
     exported: Exported | None = None
     decided: tuple[str, ...] = ()  # sentences on the last decisions where to dig
+    building: Job | None = None  # builds a scene with coarse ground, piece by piece
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
     tracing: Job | None = None  # traces the shadow in a view
@@ -79,15 +80,20 @@ class Session:
 
     def reset(self) -> None:
         """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""
-        running = [
-            job for job in (self.job, self.reading, self.developing, self.meshing, self.tracing) if job is not None
-        ]
+        every = self.job, self.reading, self.developing, self.building, self.meshing, self.tracing
+        running = [job for job in every if job is not None]
         for job in running:
             job.close()
         self.picture.remove()
         vars(self).update(vars(Session()))
         if running:
             redraw_panels()
+
+    def stop_building(self) -> None:
+        """Stop the build that runs piece by piece, before anything that would be wrong beside it."""
+        if self.building is not None:
+            self.building.close()
+            self.building = None
 
 
 session = Session()
