@@ -76,6 +76,11 @@ class MadeObjects:
     #: Meshes and materials of objects that are not finished.
     unfinished: list[bpy.types.ID] = field(default_factory=list)
 
+    def keep_sky(self, keep: bool) -> None:
+        """Whether to keep the world, if it is made, without users."""
+        if self.sky is not None:
+            self.sky.use_fake_user = keep
+
     def is_there(self) -> bool:
         """Whether no object was removed since it was made, for example by *Purge Unused Data*."""
         try:
@@ -86,6 +91,7 @@ class MadeObjects:
     def remove(self) -> None:
         """Remove all that was made and is not in a scene; nothing if it is gone already, after undo for example."""
         with suppress(ReferenceError):
+            self.keep_sky(False)
             remove_objects(self.objects)
             remove_unused(self.unfinished, [self.sky])
 
