@@ -7,7 +7,7 @@ the collection is the user's and stays.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 import bpy
@@ -17,6 +17,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps, finish
 from . import before_build, check_cycles, eyes_above_ground
 from .built_scene import (
     CONTENT,
@@ -103,8 +104,11 @@ __all__ = [
     "list_collections",
     "make_build_facts",
     "make_ground",
+    "make_in_memory",
     "measure_patch",
+    "put_in_scene",
     "read_stated_ground_m",
+    "refuse_place",
     "remove_objects",
     "separate_from_copies",
     "shows_earlier_ground",
@@ -192,11 +196,14 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
             raise IcyMoonError(f"{item.name} is being edited; go to Object Mode to build the scene.")
 
 
-def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
-    """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection."""
+def _find_built_blocks(
+    scene: bpy.types.Scene, collection: bpy.types.Collection | None, made: Collection[bpy.types.Object] = ()
+) -> dict[str, Any]:
+    """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection; without the
+    objects that were ``made`` now."""
     if collection is not None:
         return {**find_built_objects(collection), **find_owned_blocks(collection)}
-    theirs = {
+    theirs = set(made) | {
         block
         for other in bpy.data.collections
         if other.get(TAG) == "scene"
@@ -344,14 +351,44 @@ def build_scene(
     changing the scene, if Cycles is off, the ground is being edited, there is not enough memory, or the file of the
     ground cannot be used.
     """
+    refuse_place(scene)
+    return put_in_scene(scene, settings, take_over() if take_over else finish(make_in_memory(settings, meshed)))
+
+
+def refuse_place(scene: bpy.types.Scene) -> None:
+    """Raise IcyMoonError if nothing can be built in a scene now."""
+    _find_place(scene)
+
+
+def _find_place(
+    scene: bpy.types.Scene, made: Collection[bpy.types.Object] = ()
+) -> tuple[bpy.types.Collection | None, dict[str, Any], list[bpy.types.Object]]:
+    """The built collection of a scene, unless linked copies share it, and what was built before, without what was
+    ``made`` now: the data-blocks by their roles, and the objects among them. Raises IcyMoonError if nothing can be
+    built in their place."""
     collection = None if find_scenes_sharing_build(scene) else find_collection(scene)
     check_cycles.require_cycles()
-    there = _find_built_blocks(scene, collection)
+    there = _find_built_blocks(scene, collection, made)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
-    made = take_over() if take_over else _make_in_memory(settings, meshed)
-    first = collection is None
-    left = _leave_shared(scene)
+    return collection, there, ours
+
+
+def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> Built:
+    """Put the objects that were made of complete ``settings`` into a scene, in place of those that were built before.
+
+    Raises IcyMoonError, without changing the scene, as ``build_scene`` does and if some of the objects are gone; then
+    all are removed.
+    """
+    try:
+        if not made.is_there():
+            raise IcyMoonError("Parts of the new scene were removed while it was built; press Build Scene again.")
+        collection, there, ours = _find_place(scene, made.objects)
+        first = collection is None
+        left = _leave_shared(scene)
+    except IcyMoonError:
+        made.remove()
+        raise
     if collection is None:
         collection = _make_collection(scene, ours)
         if left is not None:
@@ -376,10 +413,10 @@ def build_scene(
     return built
 
 
-def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
-    """The objects of the scene. Raises IcyMoonError also if there is not enough memory."""
+def make_in_memory(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeObjects]:
+    """Make the objects of the scene in steps. Raises IcyMoonError also if there is not enough memory."""
     try:
-        return make_objects(settings, meshed)
+        return (yield from make_objects(settings, meshed))
     except MemoryError:
         if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None

@@ -40,6 +40,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, TEXT, Each
+from ..support.steps import Steps, finish
 from . import build_scene as scenes
 from . import painted_errors
 from .datablocks.blend_file_paths import make_paths_absolute
@@ -55,6 +56,7 @@ from .lander.objects import ROLES as LANDER_ROLES
 from .lander.objects import build_lander, place_lander
 from .light.scene_lights import ROLES, compute_scene_sky, list_light_settings, update_lights
 from .rig import place_rig
+from .scene_objects import MadeObjects
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
@@ -116,7 +118,20 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     """
     if is_from_file(settings):
         return scenes.build_scene(scene, settings)
-    built = scenes.build_scene(scene, settings, mesh_whole_ground(scenes.make_ground, settings, _mesh_for_choice))
+    scenes.refuse_place(scene)
+    return put_coarse_in_scene(scene, settings, finish(make_coarse(settings)))
+
+
+def make_coarse(settings: Settings) -> Steps[MadeObjects]:
+    """Make in steps what ``build_coarse`` makes of settings without ground from a file, for ``put_coarse_in_scene``."""
+    ground = yield partial(mesh_whole_ground, scenes.make_ground, settings, _mesh_for_choice)
+    return (yield from scenes.make_in_memory(settings, ground))
+
+
+def put_coarse_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> scenes.Built:
+    """Put what ``make_coarse`` made into a scene. Raises IcyMoonError, without changing the scene, as
+    ``scenes.put_in_scene`` does."""
+    built = scenes.put_in_scene(scene, settings, made)
     built.remember(settings, select_geometry(settings))
     mark_as_preview(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from ..physics.camera import blur
 from ..physics.camera.depth_accuracy import advise_on_rounding
 from ..physics.excavation.camera_jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
+from ..physics.light.sky import Sky
 from ..physics.light.sky_over_map import find_sky_place, warn_sky_of_another_site
 from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
 from ..physics.mesh.graded_mesh import GradedGround
@@ -22,7 +25,8 @@ from ..physics.mesh.heights_on_mesh import SurroundedGround
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
-from ..physics.rocks.place_rocks import scatter_rocks
+from ..physics.rocks.place_rocks import HeightAt, Rocks, scatter_rocks
+from ..physics.rocks.rock_shapes import RockShape
 from ..physics.rocks.rock_table import TABLE, read_rock_table
 from ..physics.terrain.skirts import advise_on_skirts
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
@@ -31,6 +35,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
 from ..support.number_text import format_count
+from ..support.steps import Steps
 from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import NAME, TAG
 from .ground.dug_ground import DugGround, mesh_whole_ground
@@ -48,7 +53,7 @@ from .lander.objects import build_lander
 from .light.scene_lights import advise_on_sky as light_advice
 from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
-from .remove_objects import remove_unused
+from .remove_objects import remove_objects, remove_unused
 from .rig import build_rig
 from .surface import ground_and_rock_materials, reflectance_laws
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
@@ -60,7 +65,7 @@ class MadeObjects:
     """The parts of a scene, before they are in a collection."""
 
     objects: list[bpy.types.Object]  # the terrain, the Sun, the camera, then others
-    sky: bpy.types.World
+    sky: bpy.types.World | None  # made last, since live preview removes worlds without users
     own: UserGround | None  # the user's own ground
     site_m: float  # height of the ground under the camera
     warnings: list[str] = field(default_factory=list)
@@ -68,6 +73,27 @@ class MadeObjects:
     #: The record of a build that another process has made, see ``stored_build``.
     record: dict[str, Any] = field(default_factory=dict)
     coarse: bool = False  # whether the ground is the coarse one of a preview
+    #: Meshes and materials of objects that are not finished.
+    unfinished: list[bpy.types.ID] = field(default_factory=list)
+
+    def keep_sky(self, keep: bool) -> None:
+        """Whether to keep the world, if it is made, without users."""
+        if self.sky is not None:
+            self.sky.use_fake_user = keep
+
+    def is_there(self) -> bool:
+        """Whether no object was removed since it was made, for example by *Purge Unused Data*."""
+        try:
+            return all(block is not None and block.name for block in (*self.objects, self.sky))
+        except ReferenceError:
+            return False
+
+    def remove(self) -> None:
+        """Remove all that was made and is not in a scene; nothing if it is gone already, after undo for example."""
+        with suppress(ReferenceError):
+            self.keep_sky(False)
+            remove_objects(self.objects)
+            remove_unused(self.unfinished, [self.sky])
 
 
 def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:
@@ -99,10 +125,11 @@ def find_site_ground_m(settings: Settings, ground: Surface) -> float:
     return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
 
 
-def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
-    """Make all objects of the scene and its world. ``meshed`` is the procedural ground, if it has been made already.
+def make_objects(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeObjects]:
+    """Make all objects of the scene and its world in steps. ``meshed`` is the procedural ground, if it has been made
+    already.
 
-    Raises IcyMoonError, before anything is made, for settings that cannot be built.
+    Raises IcyMoonError for settings that cannot be built. Nothing that was made remains if the steps end early.
     """
     if reasons := scene_checks.find_reasons_in_settings(settings):
         raise IcyMoonError(" ".join(reasons))
@@ -110,7 +137,7 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     sky = compute_scene_sky(settings)
     own = load_ground(settings, make_ground) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    ground = own or meshed or mesh_whole_ground(make_ground, settings)
+    ground = own or meshed or (yield partial(mesh_whole_ground, make_ground, settings))
     site_m, warnings = _find_site(settings, ground.surface, own)
     warnings += [
         *hapke_warnings,
@@ -118,17 +145,35 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
         *scene_checks.advise_on_scene(settings),
         *_advise_on_ground(settings, ground.surface, own),
     ]
-    terrain = _make_terrain(settings, ground, warnings)
-    camera = mark_as_built(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
-    others = build_head_cameras(settings, camera, terrain)
-    lights = build_lights(settings, sky, camera)
-    warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
-    space = mark_as_built(build_sky(f"{NAME} Sky"), "sky")
-    made = MadeObjects([terrain, lights[0], camera, *lights[1:]], space, own, site_m, warnings)
-    made.coarse = isinstance(ground, MeshedGround) and ground.most_rocks is not None
-    _add_rocks_and_lander(made, settings, ground)
-    made.objects += others
+    made = MadeObjects([], None, own, site_m, warnings, coarse=is_coarse(ground))
+    try:
+        yield from _make_parts(made, settings, ground, sky)
+    except BaseException:
+        made.remove()
+        raise
     return made
+
+
+def is_coarse(ground: MeshedGround | UserGround) -> bool:
+    """Whether a ground is the coarse one of a preview."""
+    return isinstance(ground, MeshedGround) and ground.most_rocks is not None
+
+
+def _make_parts(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround, sky: Sky) -> Steps[None]:
+    """Add the objects of the scene and their warnings to what is ``made``."""
+    terrain = yield from _make_terrain(made, settings, ground)
+    camera = mark_as_built(build_rig(f"{NAME} Camera", jitter_rig(settings), made.site_m), "camera")
+    made.objects.append(camera)
+    yield None
+    for light in build_lights(settings, sky, camera):
+        made.objects.append(light)
+        yield None
+    _, _, sun, *others = made.objects
+    made.objects = [terrain, sun, camera, *others]
+    made.warnings += [*(yield partial(light_advice, sky, settings)), *blur.advise_on_blur(settings)]
+    yield from _add_rocks_and_lander(made, settings, ground)
+    made.objects += build_head_cameras(settings, camera, terrain)
+    made.sky = mark_as_built(build_sky(f"{NAME} Sky"), "sky")
 
 
 def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | None) -> list[str]:
@@ -145,40 +190,40 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
     return [*said, *warn_sky_of_another_site(settings.light, own.map_place)]
 
 
-def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings: list[str]) -> bpy.types.Object:
-    """The object of the ground with its material; adds to the ``warnings``."""
-    ground = made.surface
-    mesh = made.build_mesh(f"{NAME} Terrain")
+def _make_terrain(made: MadeObjects, settings: Settings, meshed: MeshedGround | UserGround) -> Steps[bpy.types.Object]:
+    """Add the object of the ground with its material, and warnings about it, to what is ``made``; return the object."""
+    ground = meshed.surface
+    mesh = meshed.build_mesh(f"{NAME} Terrain")
+    made.unfinished = [mesh]
+    yield None
     mark_elevation(
         mesh, settings.surface, ground.drop_m if isinstance(ground, GradedGround | SurroundedGround) else None
     )
-    warnings += ground_and_rock_materials.advise_on_surfaces(settings)
-    warnings += advise_on_displacement(settings, _find_nearest_spacing_m(settings, ground, mesh))
-    try:
-        mesh.materials.append(build_ground_material(settings, mesh))
-    except IcyMoonError:  # an image that cannot be read
-        bpy.data.meshes.remove(mesh)
-        raise
-    warnings += ground_and_rock_materials.advise_on_images(settings, mesh)
+    made.warnings += ground_and_rock_materials.advise_on_surfaces(settings)
+    made.warnings += advise_on_displacement(settings, _find_nearest_spacing_m(settings, ground, mesh))
+    mesh.materials.append(build_ground_material(settings, mesh))
     terrain = mark_as_built(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
+    made.objects, made.unfinished = [terrain], []
+    made.warnings += ground_and_rock_materials.advise_on_images(settings, mesh)
     terrain.pass_index = TERRAIN_INSTANCE
+    yield None
     return terrain
 
 
-def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> None:
+def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> Steps[None]:
     """Add rocks, the lander and the report of the excavation."""
     dug, terrain = ground if isinstance(ground, DugGround) else None, made.objects[0]
     if dug is not None and dug.series is not None:
         made.excavation = dug.series.facts(dug.state)
         made.warnings += made.excavation.get("advice", [])
     if settings.rocks.coverage > 0:
-        rocks, warnings, moved = _build_rocks(settings, terrain, ground)
-        made.objects.append(rocks)
-        made.warnings += warnings
+        moved = yield from _add_rocks(made, settings, ground)
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
+        yield None
     if settings.lander.kind != "NONE":
         made.objects += build_lander(settings, made.site_m, terrain)
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
+        yield None
 
 
 def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
@@ -197,25 +242,48 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
     return height, []
 
 
-def _build_rocks(
-    settings: Settings, terrain: bpy.types.Object, ground: MeshedGround | UserGround
-) -> tuple[bpy.types.Object, list[str], int]:
-    """The object whose points are the rocks on the ground, warnings, and the number of rocks that lost support by an
-    excavation."""
+def _add_rocks(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> Steps[int]:
+    """Add the object whose points are the rocks on the ground, and warnings about them; return the number of rocks that
+    lost support by an excavation."""
+    terrain = made.objects[0]
+    if isinstance(ground, MeshedGround) and is_coarse(ground):  # no mesh is read, so a thread may place the rocks
+        height_at = ground.find_coarse_heights(settings.terrain)
+        shapes, rocks, moved = yield partial(_place_rocks, settings, ground, height_at)
+    else:
+        with probe_heights(terrain) as height_at:
+            shapes, rocks, moved = _place_rocks(settings, ground, height_at)
+    ice = build_rock_material(settings, terrain.data)
+    made.unfinished = [ice]
+    yield None
+    made.objects.append(mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock"))
+    made.unfinished = []
+    remove_unused([], [ice])  # it has no users if there are no rocks
+    made.warnings += _advise_on_rocks(settings, rocks)
+    return int(moved)
+
+
+def _place_rocks(
+    settings: Settings, ground: MeshedGround | UserGround, height_at: HeightAt
+) -> tuple[tuple[tuple[RockShape, ...], ...], Rocks, int]:
+    """The shapes of the rocks, the rocks on ground of the heights ``height_at``, and the number of rocks that lost
+    support by an excavation."""
     seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
-    with probe_heights(terrain) as height_at:
-        view = make_view_beyond(settings)
-        clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-        bare, most_seen, moved = height_at, None, 0
-        if isinstance(ground, MeshedGround):
-            bare, most_seen = ground.without_skirts(height_at, settings.terrain), ground.most_rocks
-        rocks = scatter_rocks(wanted, ground.surface.size_m, seed, bare, shapes, clear, view, most_seen)
-        if isinstance(ground, DugGround):
-            rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
-    ice = build_rock_material(settings, terrain.data)
-    item = mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
-    remove_unused([], [ice])  # it has no users if there are no rocks
+    clear = rig.x_m, rig.y_m, wanted.clear_radius_m
+    bare, most_seen, moved = height_at, None, 0
+    if isinstance(ground, MeshedGround):
+        bare, most_seen = ground.without_skirts(height_at, settings.terrain), ground.most_rocks
+    rocks = scatter_rocks(
+        wanted, ground.surface.size_m, seed, bare, shapes, clear, make_view_beyond(settings), most_seen
+    )
+    if isinstance(ground, DugGround):
+        rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
+    return shapes, rocks, moved
+
+
+def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
+    """Sentences on rocks that the settings ask for and that are left out."""
+    wanted, view = make_paths_absolute(settings).rocks, make_view_beyond(settings)
     warnings, most = [], format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
         warnings.append(
@@ -230,12 +298,12 @@ def _build_rocks(
             "site than rocks.clear_radius_m."
         )
     if view is not None and rocks.beyond_rad > view.smallest_rad:
-        width_px = rocks.beyond_rad * focal_px(rig)
+        width_px = rocks.beyond_rad * focal_px(settings.rig)
         warnings.append(
             f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
             "raise rocks.most, rocks.beyond_px or rocks.smallest_m."
         )
-    return item, warnings, moved
+    return warnings
 
 
 def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
@@ -17,6 +19,7 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from . import shadow_warning, view_exposure, view_resolution
 from .coloured_views import hide_colours
+from .operator_type import OperatorMixin
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
@@ -193,32 +196,49 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     With ``coarse`` the ground is made coarsely, and marked for ``refine_ground`` to follow.
     """
     build, scene = preview.build_coarse if coarse else scenes.build_scene, context.scene
+    session.stop_building()
     leave_edit_mode()
-    earlier = scenes.find_built(scene)
-    before = earlier.settings if earlier else None
-    views = find_views_through(context, earlier.camera if earlier else None)
     try:
-        with pause_rendered_views():
-            built = build(scene, scene_properties.read_settings(scene.icymoon))
+        settings = scene_properties.read_settings(scene.icymoon)
+        report_sentences(operator, build_and_show(context, scene, partial(build, scene, settings)))
     except IcyMoonError as error:
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
+    return {"FINISHED"}
+
+
+def build_and_show(
+    context: bpy.types.Context, scene: bpy.types.Scene, build: Callable[[], scenes.Built]
+) -> list[tuple[str, str]]:
+    """Let ``build`` build a scene, and show it. Returns sentences to report, each after its kind. Raises IcyMoonError
+    as ``build`` does."""
+    earlier = scenes.find_built(scene)
+    before = earlier.settings if earlier else None
+    views = find_views_through(context, earlier.camera if earlier else None)
+    with pause_rendered_views():
+        built = build()
     prepare_render(scene, built)
     hide_colours(scene)  # the painted errors are of the previous scene
-    for warning in built.warnings:
-        operator.report({"WARNING"}, format_for_window(warning))
     frame_and_expose(scene, built.settings, before)
     view_resolution.begin_coarse(scene)
     session.picture.remove()
     shadow_warning.schedule_check(scene)
     hidden = 0
     if not bpy.app.background:
-        if before is None:
-            hidden = show_scene(context, built)
-        else:
+        if before is not None:
             look_through(views, built)
-    operator.report({"INFO"}, describe_build(built, hidden))
-    return {"FINISHED"}
+        elif context.scene == scene:
+            hidden = show_scene(context, built)
+    return [
+        *(("WARNING", format_for_window(warning)) for warning in built.warnings),
+        ("INFO", describe_build(built, hidden)),
+    ]
+
+
+def report_sentences(operator: OperatorMixin, sentences: list[tuple[str, str]]) -> None:
+    """Let an operator report sentences, each after its kind."""
+    for kind, sentence in sentences:
+        operator.report({kind}, sentence)
 
 
 def describe_build(built: scenes.Built, hidden: int) -> str:

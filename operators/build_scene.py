@@ -1,6 +1,7 @@
 """Build Scene and Clear Scene.
 
-In a window Build Scene shows the scene coarsely, and its ground at full resolution follows (``refine_ground``).
+In a window Build Scene shows the scene coarsely (``build_in_pieces``), and its ground at full resolution follows
+(``refine_ground``).
 """
 
 from __future__ import annotations
@@ -8,32 +9,34 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import build_scene as scenes
-from ..nodes.ground.user_ground import warn_of_cost
+from ..nodes.ground.user_ground import is_from_file, warn_of_cost
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
+from .build_in_pieces import PiecewiseBuildOperator
 from .coloured_views import hide_colours
 from .operator_type import ExplainedOperator
 from .painted_masks import leave_sheet
 from .session import session
-from .sidebar_text import format_for_window
 from .user_render import restore_render
 
 
-class ICYMOON_OT_build_scene(bpy.types.Operator):
+class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
     """Build ground, rocks, Sun and stereo camera from the settings. Your own objects stay, but F12 leaves them out until Clear Scene"""  # noqa: E501
 
     bl_idname = "icymoon.build_scene"
     bl_label = "Build Scene"
     bl_options = {"REGISTER", "UNDO"}
 
+    _azimuth_deg: float | None = None  # of the Sun, if the operator has rotated it
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            warnings = warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
+            settings = scene_properties.read_settings(context.scene.icymoon)
+            warnings = warn_of_cost(settings)
         except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
+            return self.fail(error)
         if warnings and not bpy.app.background:
             return set(
                 context.window_manager.invoke_confirm(
@@ -41,10 +44,18 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
                 )
             )
         if light_untouched_scene(context.scene):
+            self._azimuth_deg = settings.light.sun_azimuth_deg
             self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
+        if not bpy.app.background and not is_from_file(settings):
+            return super().invoke(context, event)
         result = build_and_report(self, context, coarse=True)
         refine_ground.start_refining()
         return result
+
+    def take_back(self, scene: bpy.types.Scene) -> None:
+        """Rotate the Sun back."""
+        if self._azimuth_deg is not None:
+            scene.icymoon.light.sun_azimuth_deg = self._azimuth_deg
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build the scene in full, as scripts expect."""
@@ -63,6 +74,7 @@ class ICYMOON_OT_clear_scene(ExplainedOperator, bpy.types.Operator):
         return "" if scenes.find_collection(context.scene) else "Nothing has been built in this scene"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        session.stop_building()
         leave_sheet(context)
         hide_colours(context.scene)
         session.picture.remove()

@@ -22,6 +22,8 @@ class WatchingOperator(ExplainedOperator):
     looks at the job instead.
     """
 
+    #: Seconds between two looks at the job.
+    interval_s = jobs.INTERVAL_S
     _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
     _watch: unseen_jobs.Watch | None = None
@@ -64,7 +66,7 @@ class WatchingOperator(ExplainedOperator):
         except IcyMoonError as error:
             return self.fail(error)
         manager = context.window_manager
-        self._timer = manager.event_timer_add(jobs.INTERVAL_S, window=context.window)
+        self._timer = manager.event_timer_add(self.interval_s, window=context.window)
         manager.modal_handler_add(self)
         self._watch = unseen_jobs.watch(self, self._job)
         return {"RUNNING_MODAL"}

@@ -17,6 +17,7 @@ from ..render.workers.detached_process import DetachedProcess
 from ..render.workers.process import Message, Process, clean_environment
 from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
+from .work_in_pieces import WorkInPieces
 
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
@@ -44,7 +45,7 @@ class Job:
     """One running process or thread and its reports so far, which the panel shows."""
 
     title: str
-    process: Process | DetachedProcess | Calculation
+    process: Process | DetachedProcess | Calculation | WorkInPieces
     handle: Callable[[Message], object] = lambda message: None  # called with every message
     clean_up: Callable[[], object] = lambda: None  # called when the job ends, with or without success
     started: float = field(default_factory=time.monotonic)

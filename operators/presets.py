@@ -25,11 +25,14 @@ from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine_ground
 from .build import build_and_report
+from .build_in_pieces import PiecewiseBuildOperator
 from .evaluate import find_rendered_pairs
+from .job_operators import WatchingOperator
 from .operator_type import ExplainedOperator
 from .preferences import find_extension_folder
 from .session import session
 from .sidebar_text import format_for_window, measure_line_length, remember_answers
+from .window_areas import find_scene
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
@@ -207,7 +210,7 @@ def _make_fresh_settings(group: bpy.types.PropertyGroup) -> Settings:
     return fresh
 
 
-class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
+class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.types.Operator):
     """Load a preset. A scene preset keeps the data set and your quality, other presets set only their part"""
 
     bl_idname = "icymoon.load_preset"
@@ -229,6 +232,8 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         given = properties.is_property_set("preset")
         return "Load this preset into the settings of the scene" if given else str(cls.__doc__)
 
+    _before: tuple[str, Settings] | None = None  # the loaded preset and the settings before
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
         try:
@@ -236,6 +241,8 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
+        session.stop_building()  # of the settings before
+        self._before = group.preset, scene_properties.read_unchecked(group)
         if preset_files.is_whole_scene(self.preset):
             loaded = description.merged(_make_fresh_settings(group), loaded)
             group.preset = self.preset
@@ -243,30 +250,49 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         if "quality" in loaded and (lack := find_missing_feature(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, format_for_window(lack))
         if self.build and live_preview.has_window():
-            _show_coarse(self, context, find_picture(self.preset))
+            return self._show(context)
         return {"FINISHED"}
 
-
-def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
-    """Show the settings of the scene at once with coarse ground. The ground at full resolution follows.
-
-    Until the view is clear, ``picture`` covers it.
-    """
-    scene = context.scene
-    settings = scene_properties.read_unchecked(scene.icymoon)
-    if scenes.find_collection(scene) is None:
-        if is_from_file(settings):
+    def _show(self, context: bpy.types.Context) -> set[str]:
+        """Show the settings of the scene with coarse ground. The ground at full resolution follows."""
+        scene = context.scene
+        settings = scene_properties.read_unchecked(scene.icymoon)
+        if scenes.find_collection(scene) is not None:
+            live_preview.update_scene(scene)
+            if scene.icymoon.live and (built := scenes.find_built(scene)):
+                preview.mark_as_preview(built, settings)
+        elif is_from_file(settings):
             bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # this asks before it loads a large mesh
+        elif self.options.is_invoke and not self.options.is_repeat and not bpy.app.background:
+            return WatchingOperator.invoke(self, context, None)
         else:
-            build_and_report(operator, context, coarse=True)
-    else:
-        live_preview.update_scene(scene)
-        if scene.icymoon.live and (built := scenes.find_built(scene)):
-            preview.mark_as_preview(built, settings)
-    session.picture.show(scene, picture)
-    if preview.find_preview_of(scene, settings) is None:
-        session.picture.count(scene)
-    refine_ground.start_refining()
+            build_and_report(self, context, coarse=True)
+        self._cover(scene)
+        return {"FINISHED"}
+
+    def _cover(self, scene: bpy.types.Scene) -> None:
+        """Cover the view with the picture of the preset until it is clear, and let the fine ground follow."""
+        session.picture.show(scene, find_picture(self.preset))
+        if preview.find_preview_of(scene, scene_properties.read_unchecked(scene.icymoon)) is None:
+            session.picture.count(scene)
+        refine_ground.start_refining()
+
+    def take_back(self, scene: bpy.types.Scene) -> None:
+        """Load the settings from before the preset."""
+        if self._before is not None:
+            scene.icymoon.preset, before = self._before
+            scene_properties.write_settings(scene.icymoon, before)
+
+    def fail(self, error: Exception) -> set[str]:
+        """Report why the scene was not built. Its settings are loaded nevertheless."""
+        super().fail(error)
+        return {"FINISHED"}
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        """Report what was built, and cover its view."""
+        super().report_success(context)
+        if (scene := find_scene(self._scene_uid)) is not None:
+            self._cover(scene)
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):

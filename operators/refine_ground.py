@@ -1,15 +1,14 @@
 """The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
 
-Another Blender builds the scene, and a timer takes it over from its file. A setting of the ground that changes ends
-that process at once. The fine ground adds no undo step: one undo reverts the choice of the scene, and redo stays
-possible. If undo or redo shows the coarse ground again, the fine ground follows again.
+Another Blender builds the scene, and a timer takes it over from its file, in pieces that do not hold the window. A
+setting of the ground that changes ends that at once. The fine ground adds no undo step: one undo reverts the choice of
+the scene, and redo stays possible. If undo or redo shows the coarse ground again, the fine ground follows again.
 """
 
 from __future__ import annotations
 
 import tempfile
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 import bpy
@@ -17,6 +16,7 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.scene_objects import MadeObjects
 from ..nodes.stored_build import read_build
 from ..render.workers.job_commands import Job as JobFiles
 from ..render.workers.job_commands import blender_command
@@ -24,15 +24,19 @@ from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps
 from . import jobs, view_resolution
 from .build import find_views_through, look_through
 from .full_undo import require_full_undo
 from .session import session
-from .window_areas import pause_rendered_views, redraw_panels
+from .window_areas import find_scene, pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
+from .work_in_pieces import WorkInPieces
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
+#: Seconds between two pieces of the work that shows the fine ground.
+_PIECES_INTERVAL_S = 0.01
 #: Prefixes of the names of operators that hold the data they change, or that a wait would interrupt.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
@@ -79,7 +83,8 @@ def start_building(settings: Settings) -> jobs.Job:
 
 
 def _end_building() -> None:
-    """End the process that builds, if there is one, and remove its files."""
+    """End the process that builds and the work that takes its scene over, if there are any, and remove their files."""
+    _stop_placing()
     if session.meshing is not None:
         session.meshing.close()
     session.meshing = None
@@ -98,11 +103,27 @@ def _refine_next() -> float | None:
             _end_building()
             session.meshing, session.meshed_settings = start_building(settings), settings
         elif not job.poll() and not _is_busy():
-            _show_refined(built, of, settings, job)
-            _end_building()
-            redraw_panels()
+            return _take_over(built, of, job)
     except IcyMoonError as error:
         _give_up(built, error)
+    return jobs.INTERVAL_S
+
+
+def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:
+    """Run the next piece of the work that shows the scene as it was built ``of`` settings, and return the seconds to
+    the next."""
+    if session.placing is None:
+        session.placing = WorkInPieces(_show_refined(built.scene.session_uid, of, job), "the fine ground")
+    messages = session.placing.poll()
+    if session.placing.running:
+        return _PIECES_INTERVAL_S
+    _end_building()
+    for message in messages:
+        if message["type"] == "error":
+            _give_up(built, IcyMoonError(message["message"]))
+    view_resolution.begin_coarse(built.scene)
+    session.picture.count(built.scene)
+    redraw_panels()
     return jobs.INTERVAL_S
 
 
@@ -112,29 +133,61 @@ def _give_up(built: scenes.Built, error: IcyMoonError) -> None:
     preview.set_notes(built, [str(error)])
 
 
-def _show_refined(built: scenes.Built, of: Settings, settings: Settings, job: jobs.Job) -> None:
+def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     """Show a scene at full resolution as it was built ``of`` earlier settings, with what has changed since, and record
-    its warnings, or the reason why it is not shown.
+    its warnings, in steps. ``_refine_next`` stops the steps if the scene is gone.
 
-    A scene that was edited by hand is not built.
+    Raises IcyMoonError if the scene cannot be shown or was edited by hand.
     """
-    views = find_views_through(bpy.context, built.camera)
+    if job.failure:
+        raise IcyMoonError(job.failure)
+    made = read_build(Path(job.result["scene"]))
+    made.keep_sky(True)  # the live preview removes worlds without users
     try:
-        if job.failure:
-            raise IcyMoonError(job.failure)
-        if built.terrain.mode != "OBJECT" or built.edited_parts():
-            raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
-        require_full_undo()
-        with pause_rendered_views():
-            fine = scenes.build_scene(built.scene, of, take_over=partial(read_build, Path(job.result["scene"])))
-        look_through(views, fine)
-        if fine.scene.icymoon.live and scenes.list_changed_settings(fine, settings):
-            preview.show_settings(fine, settings, session.preview_side)
-        preview.set_notes(fine, list(fine.warnings))  # no operator runs that could report them
-    except IcyMoonError as error:
-        _give_up(built, error)
-    view_resolution.begin_coarse(built.scene)
-    session.picture.count(built.scene)
+        yield None
+        changes = -1
+        while changes != session.changes:  # an edit in the last turn is an edit too
+            changes = session.changes
+            built = _find_unedited(scene_uid)
+            yield None
+    except BaseException:
+        made.remove()
+        raise
+    made.keep_sky(False)
+    _put_refined(built, of, made)
+
+
+def _find_unedited(scene_uid: int) -> scenes.Built:
+    """The built scene. Raises IcyMoonError if it was edited by hand."""
+    scene = find_scene(scene_uid)
+    built = scenes.find_built(scene) if scene is not None else None
+    if built is None or built.terrain.mode != "OBJECT" or built.edited_parts():
+        raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
+    return built
+
+
+def _put_refined(built: scenes.Built, of: Settings, made: MadeObjects) -> None:
+    views = find_views_through(bpy.context, built.camera)
+    require_full_undo()
+    with pause_rendered_views():
+        fine = scenes.put_in_scene(built.scene, of, made)
+    look_through(views, fine)
+    settings = scene_properties.read_settings(fine.scene.icymoon)
+    if fine.scene.icymoon.live and scenes.list_changed_settings(fine, settings):
+        preview.show_settings(fine, settings, session.preview_side)
+    preview.set_notes(fine, list(fine.warnings))  # no operator runs that could report them
+
+
+def _note_change() -> None:
+    """Count the changes of the file."""
+    session.changes += 1
+
+
+def _stop_placing() -> None:
+    """Remove what was read of the fine scene, before undo reads the file anew."""
+    if session.placing is not None:
+        session.placing.stop()
+        session.placing = None
 
 
 def _resume_refining() -> None:
@@ -144,5 +197,11 @@ def _resume_refining() -> None:
 
 
 register, unregister = make_registration(
-    timers=(_refine_next,), undo_post=_resume_refining, redo_post=_resume_refining, load_post=_resume_refining
+    timers=(_refine_next,),
+    depsgraph_update_post=_note_change,
+    undo_pre=_stop_placing,
+    redo_pre=_stop_placing,
+    undo_post=_resume_refining,
+    redo_post=_resume_refining,
+    load_post=_resume_refining,
 )

@@ -30,6 +30,7 @@ from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
 from .refine_ground import start_refining
+from .session import session
 from .sidebar_text import format_for_window, keep_speed
 from .user_render import prepare_render
 from .window_areas import find_scene, pause_rendered_views, push_undo
@@ -98,6 +99,7 @@ def _build_anew(
     settings: Settings,
     build: Callable[[bpy.types.Scene, Settings], scenes.Built] = scenes.build_scene,
 ) -> scenes.Built:
+    session.stop_building()
     leave_edit_mode()
     earlier = scenes.find_built(scene)
     before = earlier.settings if earlier else None

@@ -15,6 +15,7 @@ from .first_picture import FirstPicture
 from .jobs import Job
 from .window_areas import redraw_panels
 from .window_events import make_registration
+from .work_in_pieces import WorkInPieces
 
 #: Numbers of vertices per side of the ground that follows a slider.
 SIDES: tuple[int, ...] = (97, 129, 193, 257)
@@ -56,8 +57,11 @@ class Session:
     development_notes: list[str] = field(default_factory=list)  # warnings of the last development, or why it failed
     exported: Exported | None = None
     decided: dict[int, tuple[str, ...]] = field(default_factory=dict)  # where to dig, by ``session_uid`` of the scene
+    building: Job | None = None  # builds a scene with coarse ground, piece by piece
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
+    placing: WorkInPieces | None = None  # shows the scene with that ground
+    changes: int = 0  # number of changes of the file that Blender has announced
     tracing: Job | None = None  # traces the shadow in a view
     to_trace: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose shadow will be traced
     shadow_notes: dict[int, str] = field(default_factory=dict)  # notes on dark views, by ``session_uid``
@@ -83,15 +87,22 @@ class Session:
 
     def reset(self) -> None:
         """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""
-        running = [
-            job for job in (self.job, self.reading, self.developing, self.meshing, self.tracing) if job is not None
-        ]
+        every = self.job, self.reading, self.developing, self.building, self.meshing, self.tracing
+        running = [job for job in every if job is not None]
         for job in running:
             job.close()
+        if self.placing is not None:
+            self.placing.stop()
         self.picture.remove()
         vars(self).update(vars(Session()))
         if running:
             redraw_panels()
+
+    def stop_building(self) -> None:
+        """Stop the build that runs piece by piece, before anything that would be wrong beside it."""
+        if self.building is not None:
+            self.building.close()
+            self.building = None
 
 
 session = Session()

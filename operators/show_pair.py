@@ -293,13 +293,13 @@ def describe_picture(scene: bpy.types.Scene) -> str:
     now = find_shown_pair(scene)
     if now is None:
         return ""
-    pairs = find_kept_pairs(scene)
+    pairs = find_pairs_to_show(scene)
     which = f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}" if len(pairs) > 1 else f"Pair {now.views.id}"
     return "; ".join([f"{which}: {_SHOWN[now.view]}", AS_RECORDED, *now.views.lines])
 
 
 def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
-    if find_kept_pairs(scene):
+    if find_pairs_to_show(scene):
         return "The pair is not shown"
     # The scene knows its pair although the folder has changed or its files are gone.
     return "The pair is not in Data Set ▸ Folder" if scene.icymoon.pairs else "No pair is rendered"

@@ -59,7 +59,7 @@ def _set_choice(_self: object, number: int) -> None:
     name = load_choices()[number][0]
     scene = bpy.context.scene
     if number and (name != scene.icymoon.preset or is_changed(scene)):
-        bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name, build=True)
+        bpy.ops.icymoon.load_preset("INVOKE_DEFAULT", True, preset=name, build=True)
 
 
 def register() -> None:

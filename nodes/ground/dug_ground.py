@@ -79,6 +79,11 @@ class DugGround(MeshedGround):
         change = self.series.at(self.state).layers.top - self.series.before_m
         return self.grid.interpolate(change, x_m, y_m, np.zeros(np.shape(x_m)))
 
+    def find_coarse_heights(self, terrain: TerrainSettings) -> HeightAt:
+        """See ``MeshedGround.find_coarse_heights``; in the patch, the heights of this state."""
+        untouched = self.before(super().find_coarse_heights(terrain))
+        return lambda x_m, y_m: untouched(x_m, y_m) + self.change_m(x_m, y_m)
+
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The mesh, with the attributes ``DEPTH`` and ``SPOIL``."""
         assert self.series is not None

@@ -12,7 +12,7 @@ import numpy as np
 from ...physics.mesh.finer_in_view import is_carried_by_grid, is_relief_geometry
 from ...physics.mesh.graded_mesh import GradedGround, grade_ground
 from ...physics.mesh.ground_interface import Surface
-from ...physics.mesh.preview_ground import make_preview_ground
+from ...physics.mesh.preview_ground import PreviewGround, make_preview_ground
 from ...physics.rocks.place_rocks import HeightAt
 from ...physics.terrain.roughness.roughness import list_stated_statistics
 from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
@@ -77,6 +77,14 @@ class MeshedGround:
         assert self.surface.skirts is not None
         return self.surface.skirts.heights(x_m, y_m, shortest_wavelength_m(terrain))
 
+    def find_coarse_heights(self, terrain: TerrainSettings) -> HeightAt:
+        """A function for heights of the ground with the detail that its mesh carries at each place, without reading the
+        mesh. The triangles of coarse ground depart from it by as much as they depart from the ground."""
+        surface, shortest_m = self.surface, shortest_wavelength_m(terrain)
+        if isinstance(surface, PreviewGround):
+            return surface.compute_mesh_heights
+        return lambda x_m, y_m: surface.heights(x_m, y_m, shortest_m)
+
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is flat,
         so that image and depth show the same shape.
@@ -92,7 +100,7 @@ class MeshedGround:
         if self.spacing_m is not None:
             _mark_spacing(mesh, self.spacing_m)
         if flat is not None:
-            mesh.polygons.foreach_set("use_smooth", ~flat)
+            shade_flat(mesh, flat)
         return mesh
 
     def show_in_mesh(self, mesh: bpy.types.Mesh) -> None:
@@ -102,7 +110,7 @@ class MeshedGround:
         if moved:
             _mark_spacing(mesh, np.full(len(self.positions), np.inf) if self.spacing_m is None else self.spacing_m)
         if self.fine is not None:
-            mesh.polygons.foreach_set("use_smooth", ~self.fine)
+            shade_flat(mesh, self.fine)
 
 
 def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
@@ -166,6 +174,13 @@ def _check_finite(heights: Array) -> None:
 def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: Array) -> None:
     attribute = mesh.attributes.get(SPACING) or mesh.attributes.new(SPACING, "FLOAT", "POINT")
     attribute.data.foreach_set("value", np.minimum(spacing_m, _UNMOVED_M).astype(np.float32))
+
+
+def shade_flat(mesh: bpy.types.Mesh, flat: Array) -> None:
+    """Shade the faces of a smooth mesh that are ``flat`` (m,) flat."""
+    # polygons.foreach_set("use_smooth") does the same, but takes 30 ms for 175 000 faces.
+    attribute = mesh.attributes.get("sharp_face") or mesh.attributes.new("sharp_face", "BOOLEAN", "FACE")
+    attribute.data.foreach_set("value", np.ascontiguousarray(flat, np.bool_))
 
 
 def mark_relief_as_bump(mesh: bpy.types.Mesh) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,12 +58,13 @@ def list_light_settings(settings: Settings) -> list[Any]:
     return [settings.light, *of_pixel, *of_stars, *of_planet, *of_site]
 
 
-def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
-    """The Sun, then the other objects that shine, which follow the ``camera``."""
+def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Build the Sun, then the other objects that shine, which follow the ``camera``, one after the other."""
     sun = build_sun(f"{NAME} Sun")
     sun[TAG], sun.lightgroup = "sun", "Sun"
     _place_sun(sun, settings, sky)
-    return [sun, *_build_lights_but_sun(settings, sky, camera)]
+    yield sun
+    yield from _build_lights_but_sun(settings, sky, camera)
 
 
 def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
@@ -107,7 +109,7 @@ def update_lights(
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
     camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
     planet = next((item for item in old if item.get(TAG) == "planet"), None) if keeps_disc else None
-    for item in _build_lights_but_sun(settings, sky, camera, planet):
+    for item in list(_build_lights_but_sun(settings, sky, camera, planet)):
         collection.objects.link(item)
     return old
 
@@ -119,30 +121,34 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
 
 def _build_lights_but_sun(
     settings: Settings, sky: Sky, camera: bpy.types.Object, former_planet: bpy.types.Object | None = None
-) -> list[bpy.types.Object]:
-    light, items = settings.light, {}
+) -> Iterator[bpy.types.Object]:
+    light = settings.light
     colour, pixel_rad = sun_colour(light.sun_temperature_k), 1 / focal_px(settings.rig)
     dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)
     if sky.planet is not None and sky.planet_is_up:
-        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip, former_planet)
+        planet = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip, former_planet)
+        yield _finish_body(planet, "planet", camera, "Planet")
         if planet_gives_light(settings, sky):
-            items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
+            shine = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
+            shine[TAG], shine.lightgroup = "planetshine", "Planet"
+            yield shine
     rings = make_ring_mesh(sky.planet) if sky.planet is not None else None
     if rings is not None and rings.vertices[:, 2].max() > 0:
-        items["rings"] = build_rings(f"{NAME} Rings", rings, colour, dip)
-    for item in items.values():
-        item.lightgroup = "Planet"
+        yield _finish_body(build_rings(f"{NAME} Rings", rings, colour, dip), "rings", camera, "Planet")
     moons = [moon for moon in sky.moons if is_above_horizon(moon, pixel_rad, dip)]
     if moons:
-        items["moons"] = build_moons(f"{NAME} Moons", make_moon_mesh(moons, pixel_rad), colour, dip)
+        item = build_moons(f"{NAME} Moons", make_moon_mesh(moons, pixel_rad), colour, dip)
+        yield _finish_body(item, "moons", camera)
     if light.stars:
         stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
-        items["stars"] = build_stars(f"{NAME} Stars", stars, pixel_rad)
-    lamps = build_lamps(light, camera, find_used_files(settings).get("light.ies_file"))
-    for role, item in items.items():
-        item[TAG] = role
-        if role != "planetshine":
-            item.data.materials[0][TAG] = "material"
-            # The real body is so far away that it looks the same from everywhere on the ground.
-            item.constraints.new("COPY_LOCATION").target = camera
-    return [*items.values(), *lamps]
+        yield _finish_body(build_stars(f"{NAME} Stars", stars, pixel_rad), "stars", camera)
+    yield from build_lamps(light, camera, find_used_files(settings).get("light.ies_file"))
+
+
+def _finish_body(item: bpy.types.Object, role: str, camera: bpy.types.Object, group: str = "") -> bpy.types.Object:
+    """Give a body in the sky its role and its light group, and let it follow the ``camera``: the real body is so far
+    away that it looks the same from everywhere on the ground."""
+    item[TAG], item.data.materials[0][TAG] = role, "material"
+    item.lightgroup = group
+    item.constraints.new("COPY_LOCATION").target = camera
+    return item

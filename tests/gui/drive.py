@@ -145,8 +145,8 @@ def previewing() -> bool:
 
 
 def ended() -> Waiting:
-    """Wait until no job runs and none of its processes is left."""
-    yield from until(lambda: session().job is None, "Ending the job")
+    """Wait until no job and no build runs and none of their processes is left."""
+    yield from until(lambda: session().job is None and session().building is None, "Ending the job")
     yield from until(lambda: not children(), f"The end of {children()}")
 
 

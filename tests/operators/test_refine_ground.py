@@ -8,13 +8,14 @@ from itertools import count
 import bpy
 import numpy as np
 import pytest
-from built_scenes import positions
+from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.nodes.stored_build import write_build
-from icymoon.operators import jobs, live_preview, refine_ground, view_exposure
+from icymoon.operators import jobs, live_preview, refine_ground, view_exposure, work_in_pieces
 from icymoon.operators.render import bring_up_to_date
+from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import replace_keys_by_labels
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files
@@ -249,3 +250,77 @@ def test_undo_of_a_step_before_the_fine_ground_keeps_no_object_with_freed_data(w
     assert bpy.context.preferences.experimental.use_undo_legacy == before
     assert settings().light.sun_elevation_deg != 33.0
     assert is_as_built_at_once(look())
+
+
+@pytest.fixture
+def built_elsewhere(small, monkeypatch, tmp_path):
+    """The small scene with a coarse ground whose fine one is in a file, and a function that runs the next piece of
+    taking it over."""
+    small.icymoon.rocks.coverage = 0.05
+    monkeypatch.setattr(work_in_pieces, "_BUDGET_S", -1.0)
+    monkeypatch.setattr(preview, "MOST_VERTICES", 400)
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    fine = tmp_path / "fine.blend"
+    monkeypatch.setattr(refine_ground, "start_building", lambda settings: build_beside(settings, fine))
+    preview.build_coarse(small, settings())
+    refine_ground._refine_next()
+    yield small
+    refine_ground._stop_placing()
+    refine_ground.unregister()
+    refine_ground.register()
+
+
+def test_the_fine_scene_comes_in_pieces_and_shows_at_the_last(built_elsewhere):
+    counts, states = everything(), []
+    while refine_ground._refine_next() is not None:
+        states.append(bool(scenes.find_built(built_elsewhere).preview))
+    assert states[:2] == [True, True]
+    built = scenes.find_built(built_elsewhere)
+    assert not built.preview
+    assert not built.edited
+    assert session.placing is None
+    assert everything() == counts
+    assert is_as_built_at_once(built)
+
+
+def test_an_edit_between_two_pieces_stays(built_elsewhere):
+    before = everything()
+    refine_ground._refine_next()
+    refine_ground._refine_next()  # it was unedited
+    terrain = scenes.find_built(built_elsewhere).terrain
+    terrain.location.z += 1.0
+    refine_ground._note_change()  # what Blender's handler does
+    look()
+    built = scenes.find_built(built_elsewhere)
+    assert built.terrain.location.z == 1.0
+    assert built.preview
+    assert "edited while its ground was coarse" in " ".join(preview.read_notes(built_elsewhere))
+    assert everything() == before
+
+
+def test_a_slider_of_the_sun_between_two_pieces_is_in_the_fine_scene(built_elsewhere):
+    refine_ground._refine_next()
+    built_elsewhere.icymoon.light.sun_elevation_deg = 41.0
+    live_preview.update_scene(built_elsewhere)
+    built = look()
+    assert not built.preview
+    assert not built.edited
+    assert built.settings.light.sun_elevation_deg == 41.0
+
+
+@pytest.mark.parametrize("event", ["undo", "new ground", "delete"])
+def test_nothing_of_the_fine_scene_is_left_if_it_is_not_wanted_any_more(built_elsewhere, event):
+    before, scene = everything(), built_elsewhere
+    refine_ground._refine_next()
+    assert everything() != before
+    if event == "undo":
+        refine_ground._stop_placing()
+    elif event == "new ground":
+        scene.icymoon.live = False  # the live preview would change the scene too
+        scene.icymoon.terrain.hurst += 0.01
+        refine_ground._refine_next()
+    else:
+        del scenes.find_built(scene).collection[scenes.REFINED]
+        refine_ground._refine_next()
+    assert session.placing is None
+    assert everything() == before

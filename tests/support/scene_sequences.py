@@ -280,7 +280,7 @@ class Runner:
         """Wait until no job runs and no fine ground follows."""
         if self.until is not None:
             refine = self.module("operators.refine_ground")
-            yield from self.until(lambda: self.session.job is None, "Ending the job")
+            yield from self.until(lambda: self.session.job is None and self.session.building is None, "Ending the job")
             yield from self.until(
                 lambda: not any(map(refine.describe_refining, bpy.data.scenes)), "Making the fine ground"
             )
