@@ -97,7 +97,7 @@ def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw buttons that show the first and the last pair of the variations rendered last, and evaluate all of them."""
     pairs, listed = last_variations.find_pairs(scene), show_pair.find_pairs_to_show(scene)
-    row = layout.row(align=True)
+    row = layout.row(align=True) if pairs else layout
     for text, pair in zip(("First Pair", "Last Pair"), (*pairs[:1], *pairs[1:][-1:]), strict=False):
         row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = 1 + listed.index(pair)
     if last_variations.SCOPE in export_pairs.find_sources(scene):
