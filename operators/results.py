@@ -343,7 +343,7 @@ def describe_result(row: Mapping[str, Any]) -> str:
 def describe_verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     """Which matcher has the fewest wrong pixels, and their share, in one line; ``rows`` as ``read_summary`` gives them.
 
-    It is called the best only where the report's comparison says so.
+    It is called the best only where it is so by the report's comparison.
     """
     measured = [row for row in rows if row["n"]]
     if not measured:

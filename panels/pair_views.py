@@ -30,15 +30,17 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     now = show_pair.find_shown_pair(scene)
     number = 1 + pairs.index(now.folder) if now is not None else 1
     layout = layout.column()
-    layout.enabled = bool(pairs)
     column = layout.column(align=True)
+    column.enabled = bool(pairs)
     columns = _BUTTON_COLUMNS if measure_line_length() >= _NARROW_LINE else _FEWER_BUTTON_COLUMNS
     for start in range(0, len(show_pair.VIEWS), columns):
         _draw_views(column.row(align=True), show_pair.VIEWS[start : start + columns], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA", room_for=_ROOM)
-    draw_export(layout, scene, "SCENE")
+    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA", room_for=_ROOM)  # not grey, or they cannot be read
+    export = layout.column()
+    export.enabled = bool(pairs)
+    draw_export(export, scene, "SCENE")
 
 
 def _draw_views(

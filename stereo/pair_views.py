@@ -126,7 +126,7 @@ class PairViews:
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
     def _make_title(self, room_px: int, letter_px: float) -> str:
-        """The longest title of the colour bar that fits. It says where the colours end if they end before the depth."""
+        """The longest title of the colour bar that fits. It names the ends of the colours if the depth goes beyond."""
         if self.range_m is None:
             return "No depth"
         low, high = self.range_m

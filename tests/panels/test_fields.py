@@ -12,7 +12,7 @@ from icymoon.operators import jobs, sidebar_text
 from icymoon.operators.job_operators import JobOperator
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
-from icymoon.panels import fields
+from icymoon.panels import fields, pair_views
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.preset_files import PRESET_KINDS, WHOLE_SCENE_KINDS
 from icymoon.settings.table import TOPICS, list_all_settings
@@ -286,7 +286,7 @@ def test_a_label_stays_where_it_is_while_its_number_changes(scene, monkeypatch):
 
 
 class Noted(Layout):
-    """Records with each field whether it can be changed."""
+    """Records with each field and text whether it is not grey."""
 
     acts = True
 
@@ -300,6 +300,7 @@ class Noted(Layout):
 
         def noted(*arguments: object, **options: object) -> Noted:
             call(*arguments, **options)
+            self.record[-1][2]["acts"] = self.acts
             inner = Noted(self.record)
             inner.__dict__["acts"] = self.acts
             return inner
@@ -358,3 +359,15 @@ def test_the_reason_for_grey_fields_names_what_turns_them_on_and_goes_with_it(sc
     assert " ".join(draw_topic(scene, "rig", motion)[1]) == "Grey while Speed Right is 0, Speed Down is 0 and 4 more"
     cover = TOPICS["surface"].keys_in(next(s for s in TOPICS["surface"].sections if s.key == "cover"))
     assert draw_topic(scene, "surface", cover)[1] == ["Grey while Frost is 0", "Grey while Crust is 0"]
+
+
+def test_why_no_pair_is_shown_is_not_grey_though_its_buttons_are(scene, monkeypatch):
+    """A grey text cannot be read in the light theme."""
+    monkeypatch.setattr(pair_views, "find_collection", lambda scene: object())  # as of a built scene
+    layout = Noted()
+    pair_views.draw_pair(layout, scene)
+    lines = {entry[2]["text"]: entry[2]["acts"] for entry in layout.record if entry[0] == "label"}
+    assert lines["No pair is rendered"]
+    rows = [entry[2]["acts"] for entry in layout.record if entry[0] == "row"]
+    assert rows
+    assert not any(rows)  # of the views and of the export
