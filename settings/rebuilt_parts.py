@@ -86,6 +86,7 @@ def select_scene(settings: Settings) -> Parts:
         "elevation_marked": needs_elevation(settings.surface),
         "own_images": settings.textures.set == "MESH",
         "in_mesh": describe_mesh_relief(settings),
+        **({"loose_marked": True} if settings.quality.loose_thickness else {}),
     }
     return found
 
