@@ -208,12 +208,17 @@ def add_clean_share(
     if clean == 1.0 or surface.dirt_patch_m == 0.0:
         return clean
     field = add_patch_noise(tree, surface, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth)
-    # The share of noise that is below its value here: a logistic function is within 0.01 of the Gaussian's.
-    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
-    below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
+    below = add_share_below(tree, field)
     # With soft edges all of the ground is still free at 1, and none at 0.
     ahead = Number(tree, clean).times_plus(1 + 2 * _STAIN_EDGE, -_STAIN_EDGE) - below
     return tree.ramp("Between Patches", ahead.value, -_STAIN_EDGE, _STAIN_EDGE, smooth=True)
+
+
+def add_share_below(tree: Tree, field: Socket) -> Number:
+    """Add the share of noise that is below its value here, from the output socket ``field`` of noise."""
+    # A logistic function is within 0.01 of the Gaussian's.
+    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
+    return (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:

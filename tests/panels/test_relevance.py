@@ -195,6 +195,10 @@ IDLE = {
     "bubble_radius_m",
     "bubble_band_m",
     "fracture_spacing_m",
+    "frost_from",
+    "frost_tilt_deg",
+    "frost_azimuth_deg",
+    "frost_hold_deg",
     "frost_mask_file",
     "frost_patch_m",
     "patch_raggedness",
@@ -324,6 +328,9 @@ CASES = [
         },
         "but",
         {
+            "frost_tilt_deg",
+            "frost_azimuth_deg",
+            "frost_hold_deg",
             "lommel_seeliger_share",
             "snow_grain_m",
             "dirt",
@@ -333,6 +340,14 @@ CASES = [
             "bubble_band_m",
             "fracture_spacing_m",
         },
+    ),
+    (
+        "surface",
+        {"surface": {"frost_share": 0.1, "frost_from": "FALL"}},
+        "but",
+        {"lommel_seeliger_share", "frost_azimuth_deg", *IDLE}
+        - {"frost_from", "frost_tilt_deg", "frost_hold_deg", "frost_mask_file", "frost_patch_m", "frost_albedo"}
+        - {"patch_raggedness"},
     ),
     ("surface", {"surface": {"fracture_share": 0.1}}, "but", {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),
     (
