@@ -58,6 +58,7 @@ from .rig import place_rig
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
+from .surface.sheltered_ground import mark_shelter
 from .tree.builder import copy_values
 
 #: Maximum number of rocks on coarse ground, which are those that look largest.
@@ -229,6 +230,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         settings.surface,
         ground.surface.drop_m if isinstance(ground.surface, GradedGround) and settings.mesh.kind == "GRADED" else None,
     )
+    mark_shelter(built.terrain.data, settings.surface, rocks, _make_coarse_shapes(settings) if rocks else ())
     changed = _show_rocks(built, settings, rocks)
     built.remember(built.settings, merged(built.preview, select_geometry(settings)), "terrain data", *changed)
     return ground.surface

@@ -53,6 +53,7 @@ from .rig import build_rig
 from .surface import ground_and_rock_materials, reflectance_laws
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
+from .surface.sheltered_ground import mark_shelter
 
 
 @dataclass
@@ -176,6 +177,8 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.objects.append(rocks)
         made.warnings += warnings
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
+    else:
+        mark_shelter(terrain.data, settings.surface)
     if settings.lander.kind != "NONE":
         made.objects += build_lander(settings, made.site_m, terrain)
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
@@ -213,6 +216,7 @@ def _build_rocks(
         rocks = scatter_rocks(wanted, ground.surface.size_m, seed, bare, shapes, clear, view, most_seen)
         if isinstance(ground, DugGround):
             rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
+    mark_shelter(terrain.data, settings.surface, rocks, shapes)
     ice = build_rock_material(settings, terrain.data)
     item = mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks

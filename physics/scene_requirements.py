@@ -82,6 +82,11 @@ def needs_elevation(surface: SurfaceSettings) -> bool:
     return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
 
 
+def needs_shelter(surface: SurfaceSettings) -> bool:
+    """Whether the ground needs the share of falling grains that other ground keeps from each vertex."""
+    return surface.frost_from == "FALL"
+
+
 def follows_each_light(settings: Settings) -> bool:
     """Whether lamps light a surface whose law depends on the direction of the light. It is rendered once for each
     light, unless a denoiser is used."""

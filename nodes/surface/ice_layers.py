@@ -26,6 +26,7 @@ from .patches_and_grain import (
     add_share_below,
     find_threshold,
 )
+from .sheltered_ground import SHELTERED
 
 #: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
 _BAND_CONTRAST, _MOST_BUBBLE_SHARE = 4.0, 0.6
@@ -116,12 +117,15 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
     return shader, volume
 
 
-def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0) -> Socket:
+def add_frost_share(
+    tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0, marked: bool = False
+) -> Socket:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
-    faces. ``mask`` multiplies it."""
+    faces. ``mask`` multiplies it. ``marked`` is whether the mesh may have the attribute ``SHELTERED``, which rocks do
+    not have."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     if surface.frost_from == "FALL":
-        frosted = _add_fallen_patches(tree, _add_fallen_share(tree, surface, geometry), field)
+        frosted = _add_fallen_patches(tree, _add_fallen_share(tree, surface, geometry, marked), field)
         return frosted if isinstance(mask, float) else tree.math("MULTIPLY", "Painted Frost", frosted, mask)
     upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
     rise = _NO_FROST_DEVIATIONS * NOISE_DEVIATION / (_FULL_FROST_COSINE - _NO_FROST_COSINE)
@@ -131,11 +135,13 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
     return frosted if isinstance(mask, float) else tree.math("MULTIPLY", "Painted Frost", frosted, mask)
 
 
-def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node) -> Number:
+def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, marked: bool) -> Number:
     """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, in the mean over patches."""
     normal, origin = geometry.outputs["True Normal"], find_origin(surface)
     toward = Number(tree, tree.vector("DOT_PRODUCT", "Toward the Origin", normal, origin))
     received = toward.at_least(0.0) * (1.0 / origin[2])
+    if marked:
+        received = received * (1.0 - Number(tree, tree.attribute("Sheltered", SHELTERED)))
     covered = 1.0 - (received * find_free_exponent(surface)).exp()
     held = tree.ramp("Held", tree.separated("Up", normal)[2], *find_hold_cosines(surface), smooth=True)
     return Number(tree, held) * covered

@@ -212,19 +212,23 @@ class SurfaceSettings(Table, label="Ice"):
         "Frost", 0.0, "Share of level ice that thin frost covers. Faces steeper than 65 degrees have none, unless "
         "Steepest Frost states another limit", "material", section=COVER, shown=PRINCIPLED, since="0.3")
     frost_from: Literal["VAPOUR", "FALL"] = choice(
-        "Frost From", "VAPOUR", "Origin of the frost, which sets where it lies", "material",
+        "Frost From", "VAPOUR", "Origin of the frost, which sets where it lies", "geometry",
         ("VAPOUR", "Vapour", "It forms in place, on level ice and on gentle slopes of all directions"),
         ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, and "
          "tops get caps. Walls and overhangs get none"),
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.4")
     frost_tilt_deg: float = degrees(
         "Tilt of Fall", 0.0, 0.0, 80.0, "Angle between the vertical and the direction that the grains come from. 0 for "
-        "grains that fall straight down; a grain comes down as steeply as it left its vent", "material", (0.0, 60.0),
+        "grains that fall straight down; a grain comes down as steeply as it left its vent", "geometry", (0.0, 60.0),
         section=COVER, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_azimuth_deg: float = degrees(
         "Origin of Fall", 0.0, -360.0, 360.0, "Direction that the grains come from, such as that of a vent, from north "
-        "(+Y) over east (+X)", "material", section=COVER, shown=PRINCIPLED, active=FALLEN & positive("frost_tilt_deg"),
+        "(+Y) over east (+X)", "geometry", section=COVER, shown=PRINCIPLED, active=FALLEN & positive("frost_tilt_deg"),
         since="0.4")
+    frost_spread_deg: float = degrees(
+        "Spread of Fall", 15.0, 0.0, 60.0, "Half of the width of the cone that the grains come from, which softens the "
+        "edge of ground that rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
+        (0.0, 45.0), section=COVER, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
     frost_hold_deg: float = degrees(
         "Steepest Frost", 50.0, 15.0, 90.0, "Slope that holds half of the grains that fall on it; slopes that are 15 "
         "degrees steeper hold none. A guess: no slope of frost is known at 0.01 g", "material", (30.0, 75.0),

@@ -199,6 +199,7 @@ IDLE = {
     "frost_tilt_deg",
     "frost_azimuth_deg",
     "frost_hold_deg",
+    "frost_spread_deg",
     "frost_mask_file",
     "frost_patch_m",
     "patch_raggedness",
@@ -331,6 +332,7 @@ CASES = [
             "frost_tilt_deg",
             "frost_azimuth_deg",
             "frost_hold_deg",
+            "frost_spread_deg",
             "lommel_seeliger_share",
             "snow_grain_m",
             "dirt",
@@ -346,7 +348,15 @@ CASES = [
         {"surface": {"frost_share": 0.1, "frost_from": "FALL"}},
         "but",
         {"lommel_seeliger_share", "frost_azimuth_deg", *IDLE}
-        - {"frost_from", "frost_tilt_deg", "frost_hold_deg", "frost_mask_file", "frost_patch_m", "frost_albedo"}
+        - {
+            "frost_from",
+            "frost_tilt_deg",
+            "frost_hold_deg",
+            "frost_spread_deg",
+            "frost_mask_file",
+            "frost_patch_m",
+            "frost_albedo",
+        }
         - {"patch_raggedness"},
     ),
     ("surface", {"surface": {"fracture_share": 0.1}}, "but", {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.light import furnace
 from icymoon.nodes.surface.ice_material import build_material
+from icymoon.nodes.surface.sheltered_ground import SHELTERED
 from icymoon.physics.surfaces.fallen_frost import fallen_share
 from icymoon.settings.description import check, defaults
 from icymoon.settings.topics.surfaces import SurfaceSettings
@@ -22,7 +23,9 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | check({"surface": {**DARK, "frost_from": "FALL", **changes}}, "test").surface
 
 
-def seen(settings: SurfaceSettings, tilt_deg: float, azimuth_deg: float, view_m: float) -> float:
+def seen(
+    settings: SurfaceSettings, tilt_deg: float, azimuth_deg: float, view_m: float, sheltered: float = 0.0
+) -> float:
     """Radiance in even light of a plate that slopes down toward a direction, seen from straight above it."""
     scene = empty_scene()
     scene.render.engine, scene.cycles.samples = "CYCLES", 32
@@ -30,6 +33,9 @@ def seen(settings: SurfaceSettings, tilt_deg: float, azimuth_deg: float, view_m:
     furnace.plane(scene, "Plate", 0.0, 100.0, build_material("Test", settings, 1, TERRAIN))
     # About x by a negative angle the normal leans north; then it is turned from north over east.
     scene.objects["Plate"].rotation_euler = (-math.radians(tilt_deg), 0.0, -math.radians(azimuth_deg))
+    if sheltered:
+        mark = scene.objects["Plate"].data.attributes.new(SHELTERED, "FLOAT", "POINT")
+        mark.data.foreach_set("value", np.full(4, sheltered, np.float32))
     return float(furnace.radiance(scene, 0.0, view_m, 64).mean())
 
 
@@ -46,6 +52,13 @@ def test_a_plate_has_the_share_of_the_law_and_the_albedo_of_the_mixture(tilt, az
     share = fallen_share(settings, normal_of(tilt, azimuth))[0]
     # The noise is nearly normal: patches cover their share within 0.03.
     assert seen(settings, tilt, azimuth, 10.0) == pytest.approx(0.2 + 0.7 * share, abs=0.03 * 0.7)
+
+
+@pytest.mark.parametrize("sheltered", [0.5, 1.0])
+def test_ground_that_others_shelter_has_the_share_of_the_grains_that_arrive(sheltered):
+    settings = surface(frost_share=0.7)
+    share = fallen_share(settings, normal_of(0.0, 0.0), 1.0 - sheltered)[0]
+    assert seen(settings, 0.0, 0.0, 10.0, sheltered) == pytest.approx(0.2 + 0.7 * share, abs=0.03 * 0.7)
 
 
 def test_where_all_grains_hold_patches_leave_nothing_free():
