@@ -30,7 +30,7 @@ from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape
-from ..physics.scene_requirements import needs_elevation
+from ..physics.scene_requirements import find_elevation_mark
 from ..physics.terrain.terrain import Terrain
 from ..settings import rebuilt_parts
 from ..settings.description import merged
@@ -309,7 +309,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     by_hand = built.edited_parts(*(f"{role} materials" for role in builders))
     messages: list[str] = []
     changed: list[str] = []
-    if needs_elevation(settings.surface) != needs_elevation(before.surface):
+    if find_elevation_mark(settings.surface) != find_elevation_mark(before.surface):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
         mark_elevation(built.terrain.data, settings.surface, _make_drop_function(built))
     for role, (name, make, items) in builders.items():

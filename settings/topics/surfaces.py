@@ -26,6 +26,7 @@ PRINCIPLED = chosen("model", "PRINCIPLED")
 DIRTY = ~chosen("dirt", "BLACK")
 FALLEN = positive("frost_share") & chosen("frost_from", "FALL")
 EMITTING = PRINCIPLED | chosen("model", "LAMBERT")
+HOLLOW_LIGHT = EMITTING & positive("emitted_w_m2_sr") & chosen("emitted_from", "HOLLOWS")
 #: Dirt that follows the relief. Rocks have no troughs.
 SOILED = nonzero("slope_dirt") | (nonzero("trough_dirt") & of_topic("surface"))
 #: Images that lie on the ground by its UV coordinates; a mesh's own images always do.
@@ -90,6 +91,10 @@ class SurfaceSettings(Table, label="Ice"):
     trough_dirt: float = signed(
         "Dirt in Troughs", "Darkening of low ground. Compares heights one standard deviation below and above the mean "
         "plane; negative to darken high ground", "material", section=DIRT)
+    trough_width_m: float = metres(
+        "Width of Troughs", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Width of the square around each place whose mean height "
+        "tells low ground, so that fines gather in each hollow and tops are clean; 0 for the mean plane of all ground",
+        "material", section=DIRT, active=of_topic("surface") & (nonzero("trough_dirt") | HOLLOW_LIGHT), since="0.4")
     slope_dirt: float = signed(
         "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
         "level ground", "material", section=DIRT)

@@ -195,6 +195,7 @@ IDLE = {
     "bubble_radius_m",
     "bubble_band_m",
     "fracture_spacing_m",
+    "trough_width_m",
     "frost_from",
     "frost_tilt_deg",
     "frost_azimuth_deg",
