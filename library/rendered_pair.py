@@ -78,6 +78,12 @@ class RenderedEye:
         return self._read_once[1].instance
 
     @property
+    def loose_thickness_m(self) -> Array | None:
+        """Thickness of loose material above the hard ground in metres, along the vertical, float32 (H, W): mantle,
+        skirts and spoil. It is 0 on rocks, objects and sky; None without ``quality.loose_thickness``."""
+        return self._read_once[1].loose_m
+
+    @property
     def pose_to_world(self) -> Array:
         """The matrix (4, 4) from this camera's axes (x right, y down, z forward) to the world's (east, north, up), in
         metres; with a rolling shutter, the pose at the middle of the exposure. Raises IcyMoonError if the pair does not

@@ -16,6 +16,7 @@ from .datablocks.blend_file_paths import make_paths_absolute
 from .ground.terrain_mesh import build_mesh, build_mesh_from_arrays
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
+from .surface.sheltered_ground import mark_shelter
 
 
 def build_terrain_object(settings: Settings) -> bpy.types.Object:
@@ -27,6 +28,7 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
     ground = make_terrain(settings, int(settings.dataset.seed), with_skirts=False)  # because it has no rocks
     mesh = build_mesh("Icy Terrain", settings.terrain, ground)
     mark_elevation(mesh, settings.surface)
+    mark_shelter(mesh, settings.surface)
     return _build_object(mesh, lambda: build_ground_material(settings, mesh))
 
 

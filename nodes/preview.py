@@ -30,7 +30,7 @@ from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape
-from ..physics.scene_requirements import needs_elevation
+from ..physics.scene_requirements import find_elevation_mark
 from ..physics.terrain.terrain import Terrain
 from ..settings import rebuilt_parts
 from ..settings.description import merged
@@ -60,6 +60,7 @@ from .scene_objects import MadeObjects
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
+from .surface.sheltered_ground import mark_shelter
 from .tree.builder import copy_values
 
 #: Maximum number of rocks on coarse ground, which are those that look largest.
@@ -244,6 +245,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         settings.surface,
         ground.surface.drop_m if isinstance(ground.surface, GradedGround) and settings.mesh.kind == "GRADED" else None,
     )
+    mark_shelter(built.terrain.data, settings.surface, rocks, _make_coarse_shapes(settings) if rocks else ())
     changed = _show_rocks(built, settings, rocks)
     built.remember(built.settings, merged(built.preview, select_geometry(settings)), "terrain data", *changed)
     return ground.surface
@@ -322,7 +324,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     by_hand = built.edited_parts(*(f"{role} materials" for role in builders))
     messages: list[str] = []
     changed: list[str] = []
-    if needs_elevation(settings.surface) != needs_elevation(before.surface):
+    if find_elevation_mark(settings.surface) != find_elevation_mark(before.surface):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
         mark_elevation(built.terrain.data, settings.surface, _make_drop_function(built))
     for role, (name, make, items) in builders.items():

@@ -91,6 +91,7 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
         *_find_near_sun_reasons(settings),
         *_find_reasons_against_lamps(settings),
         *_find_veil_reasons(settings),
+        *_find_loose_reasons(settings),
         *find_lander_reasons(settings),
         *(Reason(text, name) for text, name in find_calibrated_reasons(settings)),
         *(Reason(text, "excavation.path") for text in excavation.find_refusals(settings)),
@@ -277,6 +278,22 @@ def _find_veil_reasons(settings: Settings) -> Iterator[Reason]:
             key,
             "hapke.backend",
         )
+
+
+def _find_loose_reasons(settings: Settings) -> Iterator[Reason]:
+    """Reasons against the thickness of loose material, which rays find in the full truth of procedural ground."""
+    key = "quality.loose_thickness"
+    if not settings.quality.loose_thickness:
+        return
+    for name, needed, why in (
+        ("source.kind", "PROCEDURAL", "nothing tells what is loose on ground from a file"),
+        ("rig.images", "PAIR", "it belongs to the truth of a pair"),
+        ("quality.truth", "FULL", "it belongs to the full truth"),
+        ("quality.truth_by", "RAYS", "only rays find it"),
+    ):
+        topic, _, setting = name.partition(".")
+        if settings[topic][setting] != needed:
+            yield Reason(f"{key} is true, but {why}; set {name} to {needed}, or {key} to false.", key, name)
 
 
 def _make_limit_reason(joint: Joint, value: float) -> Reason:

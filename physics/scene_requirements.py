@@ -82,6 +82,17 @@ def needs_elevation(surface: SurfaceSettings) -> bool:
     return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
 
 
+def find_elevation_mark(surface: SurfaceSettings) -> bool | float:
+    """What the heights of the ground's vertices are marked above: False for no marks, True for the mean plane, or the
+    width in metres of the surroundings whose mean they are above."""
+    return needs_elevation(surface) and (float(surface.trough_width_m) or True)
+
+
+def needs_shelter(surface: SurfaceSettings) -> bool:
+    """Whether the ground needs the share of falling grains that other ground keeps from each vertex."""
+    return surface.frost_from == "FALL"
+
+
 def follows_each_light(settings: Settings) -> bool:
     """Whether lamps light a surface whose law depends on the direction of the light. It is rendered once for each
     light, unless a denoiser is used."""

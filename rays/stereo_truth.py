@@ -149,13 +149,15 @@ def to_eye(away: Array, axes: Array) -> Array:
 class EyeTruth:
     """The truth of an eye, arrays (rows, columns). ``depth_m`` float32 is along its axis, infinite for the sky.
     ``normal`` (..., 3) float32 belongs to the facet. ``label`` uint8 and ``number`` int64 are as in ``rays.shapes``.
-    ``hidden`` is true for points in the other eye's frame that are hidden from the other eye."""
+    ``hidden`` is true for points in the other eye's frame that are hidden from the other eye. ``loose_m`` float32 is
+    the thickness of loose material; None if no shape has it."""
 
     depth_m: Array
     normal: Array
     label: Array
     number: Array
     hidden: Array
+    loose_m: Array | None
 
 
 @dataclass(frozen=True)
@@ -189,6 +191,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         np.empty(shape, np.uint8),
         np.empty(shape, np.int64),
         np.empty(shape, bool),
+        np.empty(shape, np.float32) if any(each.shape.loose_m is not None for each in stage.ground.placed) else None,
     )
     for pixels in list_squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
@@ -196,7 +199,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         lost = np.isnan(direction).any(axis=1)
         direction[lost] = np.broadcast_to(axes, (len(pixels), 3, 3))[lost, :, 2]  # any direction; the hit is dropped
         seen = find_first_surface(stage, origin, direction, near_m, far_m)
-        for values in (seen.label, seen.number, seen.normal):
+        for values in (seen.label, seen.number, seen.normal, seen.loose_m):
             values[lost] = 0
         seen.along[lost] = np.inf
         hidden = find_hidden(stage.ground_tracer, eye, other, pixels, direction, seen.along, baseline_m, near_m)
@@ -205,8 +208,10 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
             (seen.label, truth.label),
             (seen.number, truth.number),
             (hidden, truth.hidden),
+            (seen.loose_m, truth.loose_m),
         ):
-            target.reshape(-1)[pixels] = values
+            if target is not None:
+                target.reshape(-1)[pixels] = values
         truth.normal.reshape(-1, 3)[pixels] = seen.normal
     return truth
 
@@ -234,7 +239,7 @@ def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: fl
         beyond = find_surface(
             stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, start, ahead, near_m, far_m), start, ahead
         )
-        for name in ("along", "normal", "label", "number"):
+        for name in ("along", "normal", "label", "number", "loose_m"):
             getattr(seen, name)[free] = getattr(beyond, name)
     return seen
 

@@ -44,20 +44,27 @@ class Tracer(Protocol):
 class Surface:
     """The hit points of n rays on the world. ``along`` (n,), float64, is the length of a ray in units of its
     direction's length, infinite without a hit. ``normal`` (n, 3), float64, belongs to the triangle, on the side of the
-    ray's origin; ``label`` (n,) uint8 to the triangle, and ``number`` (n,) int64 to the instance. These three are 0
-    without a hit."""
+    ray's origin; ``label`` (n,) uint8 to the triangle, and ``number`` (n,) int64 to the instance; ``loose_m`` (n,) is
+    the thickness of loose material, in metres. These four are 0 without a hit."""
 
     along: Array
     normal: Array
     label: Array
     number: Array
+    loose_m: Array
 
 
 def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> Surface:
     """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met. Distances are computed again in double
     precision from the planes of the triangles; Embree's are right to 2.4e-7."""
     count = len(direction)
-    found = Surface(np.full(count, np.inf), np.zeros((count, 3)), np.zeros(count, np.uint8), np.zeros(count, np.int64))
+    found = Surface(
+        np.full(count, np.inf),
+        np.zeros((count, 3)),
+        np.zeros(count, np.uint8),
+        np.zeros(count, np.int64),
+        np.zeros(count),
+    )
     for number, rays in _group_by_shape(world, hits):
         place, triangle = hits.place[rays], hits.triangle[rays]
         normal, height = world.move_planes(number, place, triangle)
@@ -70,6 +77,9 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
         found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]
         found.label[rays] = world.placed[number].shape.label[triangle]
         found.number[rays] = world.numbers[place]
+        shape = world.placed[number].shape
+        if shape.loose_m is not None:
+            found.loose_m[rays] = _interpolate(shape.loose_m.astype(np.float64), shape.triangles[triangle], hits, rays)
     return found
 
 

@@ -20,6 +20,7 @@ from ..physics.camera.blur import find_blur
 from ..physics.camera.eyes import eyes_json, make_camera_with_eyes
 from ..physics.light.sky import planet_to_sun_ratio
 from ..physics.scene_requirements import explain_traced_light, find_left_out
+from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -64,26 +65,31 @@ _COMPACT_LOSS = (
 )
 
 
-def _describe_channels(truth: str, files: str) -> dict[str, Any]:
-    """The content of the images at this ``quality.truth`` and ``quality.files``, in words."""
+#: The content of the pass of loose material, in words.
+_LOOSE_THICKNESS = "m of mantle, skirts and spoil above the hard ground, along the vertical; 0 on all but the ground"
+
+
+def _describe_channels(quality: QualitySettings) -> dict[str, Any]:
+    """The content of the images at this quality, in words."""
     light: dict[str, Any] = {
         "radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
         "wavelengths, if all light were as bright, relative to sunlight, as there",
         "depth": "planar Z in m at pixel centres, sky 1e10",
-        **({"stored": _COMPACT_LOSS} if files == "COMPACT" else {}),
+        **({"stored": _COMPACT_LOSS} if quality.files == "COMPACT" else {}),
     }
-    if truth == "DEPTH":
+    if quality.truth == "DEPTH":
         return light
     light["semantic"] = {str(k): v for k, v in SEMANTIC_NAMES.items()}
     return (
         light
-        if truth == "SEMANTIC"
+        if quality.truth == "SEMANTIC"
         else {
             **light,
             "normal": "unit, world axes, of the facet",
             "hidden": "1 where the other eye sees something nearer in front of the point, by its rays; else 0",
             "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
             f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky",
+            **({"loose_thickness": _LOOSE_THICKNESS} if quality.loose_thickness else {}),
         }
     )
 
@@ -143,7 +149,7 @@ def make_pair_json(
         "light": light,
         "left_out": _list_omissions(built, settings, indirect),
         "advice": scene_checks.advise_on_scene(settings),
-        "channels": _describe_channels(settings.quality.truth, settings.quality.files),
+        "channels": _describe_channels(settings.quality),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {
             "blender": bpy.app.version_string,

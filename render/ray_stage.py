@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ..nodes.datablocks.fingerprint import TAG
+from ..nodes.ground.terrain_mesh import LOOSE
 from ..nodes.light.celestial_meshes import TRANSMISSION
 from ..nodes.tree.evaluate_field import read_numbers
 from ..rays.engine import open_tracer
@@ -281,17 +282,24 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
         read_corners(mesh)[loops].astype(np.uint32),
         read_smooth_shading(mesh)[facets],
         label,
-        read_numbers(mesh, TRANSMISSION),
-    )  # a disc of rings
+        read_numbers(mesh, TRANSMISSION),  # of a disc of rings
+        read_numbers(mesh, LOOSE),
+    )
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
     """The triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
     vertices, groups = displace_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
+    loose = read_numbers(mesh, LOOSE)
+    if loose is not None:
+        of_groups = np.zeros(len(vertices), np.float32)
+        of_groups[groups] = loose[read_corners(mesh)]
+        loose = of_groups
     return Shape(
         vertices,
         groups[loops].astype(np.uint32),
         read_smooth_shading(mesh)[facets],
         _label_triangles(mesh, labels, facets),
+        loose_m=loose,
     )

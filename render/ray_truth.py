@@ -18,7 +18,16 @@ from ..rays.camera_truth import CameraTruth
 from ..rays.stereo_truth import AnyEye, CalibratedEye, Eye, EyeTruth, Stage, trace_eyes
 from ..support.arrays import Array
 from ..support.files import explain_disk_errors
-from ..support.labels import DISTANCE, FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
+from ..support.labels import (
+    DISTANCE,
+    FIRST_ROCK_INSTANCE,
+    HIDDEN,
+    INSTANCE_AOV,
+    LOOSE,
+    NORMAL_AOV,
+    SKY_DEPTH_M,
+    TRUTH,
+)
 from .pairs.pair_folder import EYES
 
 #: A file of truth: its stem, and its pixels: of the parallel eyes, of the eyes turned in, or of the sensors of
@@ -105,7 +114,9 @@ _PASSES_BY_TRUTH = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE
 
 def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
     """An EXR file of the truth of an eye as ``wanted``, with the passes ``rounded`` as 16-bit floats."""
-    return _encode_passes({**_list_passes("Depth", truth.depth_m, truth), HIDDEN: {"X": truth.hidden}}, wanted, rounded)
+    passes = {**_list_passes("Depth", truth.depth_m, truth), HIDDEN: {"X": truth.hidden}}
+    loose = {} if truth.loose_m is None else {LOOSE: {"X": truth.loose_m}}
+    return _encode_passes(passes | loose, wanted, rounded)
 
 
 def encode_camera_truth(truth: CameraTruth, wanted: str, rounded: Collection[str]) -> bytes:

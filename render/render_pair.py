@@ -397,6 +397,9 @@ def _choose_engine(
         check_truth_of_rows(settings)
         stage = _open_ray_stage(rays, "of a rolling shutter", "set rig.readout_s to 0")
         return stage, {"by": stage.ground_tracer.name}
+    if settings.quality.loose_thickness:
+        stage = _open_ray_stage(rays, "of the thickness of loose material", "set quality.loose_thickness to false")
+        return stage, {"by": stage.ground_tracer.name}
     if settings.quality.truth_by == "CYCLES":
         return None, {"by": "Cycles"}
     try:

@@ -14,7 +14,7 @@ from ..physics.mesh import finer_in_view
 from ..physics.mesh.break_walls import breaks_walls
 from ..physics.mesh.finer_in_view import is_carried_by_grid
 from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS, find_fine_relief
-from ..physics.scene_requirements import SURFACE_TOPICS, needs_elevation, traces_random_walk
+from ..physics.scene_requirements import SURFACE_TOPICS, find_elevation_mark, traces_random_walk
 from .table import TOPICS
 from .topics.declaration import Parts
 from .topics.scene import Settings
@@ -83,9 +83,10 @@ def select_scene(settings: Settings) -> Parts:
         found.setdefault(topic, {}).update(values)
     found["surface"] = {
         **found.get("surface", {}),
-        "elevation_marked": needs_elevation(settings.surface),
+        "elevation_marked": find_elevation_mark(settings.surface),
         "own_images": settings.textures.set == "MESH",
         "in_mesh": describe_mesh_relief(settings),
+        **({"loose_marked": True} if settings.quality.loose_thickness else {}),
     }
     return found
 

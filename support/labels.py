@@ -2,6 +2,7 @@
 
 BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each EXR
 HIDDEN = "Hidden"  # pass of the layer TRUTH: 1 where the point is hidden from the other eye, else 0
+LOOSE = "LooseThickness"  # pass of the layer TRUTH: metres of loose material above the hard ground
 DISTANCE = "Distance"  # pass of the layer TRUTH of cameras beside the pair: metres along the ray of the pixel
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates

@@ -152,7 +152,8 @@ def _prepare_ground(
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
-        joined = join_patch(made, site.grid, before)
+        loose = None if made.loose_m is None else made.surface.measure_loose(x, y, 2 * site.grid.cell_m)
+        joined = join_patch(made, site.grid, before, loose)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
         _PreparedGroundCache.prepared = _Prepared(
             key,
@@ -171,9 +172,13 @@ def _prepare_ground(
 def _dig_state(prepared: _Prepared, state: int) -> DugGround:
     """The ground in a state: the heights of its patch, and flat faces where it was dug."""
     ground, series = prepared.ground, prepared.series
-    top = series.at(state).layers.top
+    layers = series.at(state).layers
+    top, loose = layers.top, None if ground.loose_m is None else ground.loose_m.copy()
     positions = ground.positions.copy()
     positions[-top.size :, 2] = top.ravel()
+    if loose is not None:
+        left = np.maximum(loose[-top.size :] - (series.before_m - layers.ground).ravel(), 0.0)
+        loose[-top.size :] = left + layers.spoil.ravel()
     moved = np.concatenate(
         [np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _LEAST_DUG_M]
     )
@@ -187,14 +192,17 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
         ground.spacing_m,
         fine,
         ground.most_rocks,
+        loose,
         series=series,
         state=state,
     )
 
 
-def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
+def join_patch(
+    ground: MeshedGround, grid: ExcavationGrid, heights_m: Array, loose_m: Array | None = None
+) -> MeshedGround:
     """Ground whose mesh has a patch with the vertices of ``grid`` at ``heights_m`` (rows, columns). The vertices of the
-    patch come last in the mesh.
+    patch come last in the mesh. ``loose_m`` (rows, columns) are its thicknesses of loose material, if they are known.
 
     The triangles that meet the patch are removed, and a constrained Delaunay triangulation between the rims of the hole
     and the patch fills the gap. The triangulation adds no vertex, so no crack appears. Raises IcyMoonError if there is
@@ -234,6 +242,9 @@ def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> 
         if ground.spacing_m is None
         else np.concatenate([ground.spacing_m[used], np.full(len(patch), grid.cell_m)]),
         fine=None if fine is None else np.concatenate([fine[kept], np.ones(len(added), bool)]),
+        loose_m=None
+        if ground.loose_m is None or loose_m is None
+        else np.concatenate([ground.loose_m[used], loose_m.ravel()]),
     )
 
 

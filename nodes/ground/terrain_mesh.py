@@ -27,6 +27,8 @@ from ..datablocks.mesh_arrays import fill_with_polygons
 SPACING = "icymoon_spacing"
 #: Value of that attribute, in metres, for vertices that fine relief does not move.
 _UNMOVED_M = 1.0e6
+#: Attribute of vertices: thickness of loose material in metres. Meshes whose truth contains it have it.
+LOOSE = "icymoon_loose"
 #: Points per side of the grid on which the roughness of a graded ground is measured.
 _MEASURED_POINTS_PER_SIDE = 513
 
@@ -54,7 +56,8 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
 @dataclass(frozen=True)
 class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
-    (k, 2) of its mesh. Coarse ground has at most ``most_rocks`` rocks: those that look largest from the site."""
+    (k, 2) of its mesh. Coarse ground has at most ``most_rocks`` rocks: those that look largest from the site.
+    ``loose_m`` (n,) are the thicknesses of loose material in metres, if they are asked for."""
 
     surface: Terrain | GradedGround
     positions: Array
@@ -63,6 +66,7 @@ class MeshedGround:
     spacing_m: Array | None = None
     fine: Array | None = None
     most_rocks: int | None = None
+    loose_m: Array | None = None
 
     def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
         """A function for the heights on which rocks lie, from ``height_at`` of the mesh: those without skirts."""
@@ -101,6 +105,8 @@ class MeshedGround:
             _mark_spacing(mesh, self.spacing_m)
         if flat is not None:
             shade_flat(mesh, flat)
+        if self.loose_m is not None:
+            mesh.attributes.new(LOOSE, "FLOAT", "POINT").data.foreach_set("value", self.loose_m.astype(np.float32))
         return mesh
 
     def show_in_mesh(self, mesh: bpy.types.Mesh) -> None:
@@ -123,7 +129,8 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
         step = compute_vertex_spacing_m(settings.terrain)
         positions, faces = make_grid(settings.terrain, surface)
         spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
-        return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing)
+        loose = _measure_loose_on_grid(settings.terrain, surface) if settings.quality.loose_thickness else None
+        return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing, loose_m=loose)
     return _mesh_graded(surface)
 
 
@@ -142,7 +149,9 @@ def mesh_coarsely(ground: Terrain, settings: Settings, most: int, most_rocks: in
 def _mesh_graded(surface: GradedGround) -> MeshedGround:
     made = surface.mesh_with_relief()
     _check_finite(made.positions[:, 2])
-    return MeshedGround(surface, made.positions, made.faces, made.sharp, made.spacing_m, made.fine)
+    return MeshedGround(
+        surface, made.positions, made.faces, made.sharp, made.spacing_m, made.fine, loose_m=made.loose_m
+    )
 
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
@@ -155,8 +164,7 @@ def make_grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
 
     Raises ValueError if a height is not finite.
     """
-    n = int(terrain.resolution)
-    axis = np.linspace(-terrain.size_m / 2, terrain.size_m / 2, n)
+    n, axis = int(terrain.resolution), _make_grid_axis(terrain)
     heights = ground.heights(axis[None, :], axis[:, None], shortest_wavelength_m(terrain))
     _check_finite(heights)
     positions = np.empty((n, n, 3), np.float32)
@@ -164,6 +172,16 @@ def make_grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)[None, :]).ravel()
     faces = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1).astype(np.int32)
     return positions.reshape(-1, 3), faces
+
+
+def _make_grid_axis(terrain: TerrainSettings) -> Array:
+    return np.linspace(-terrain.size_m / 2, terrain.size_m / 2, int(terrain.resolution))
+
+
+def _measure_loose_on_grid(terrain: TerrainSettings, ground: Terrain) -> Array:
+    """Thicknesses (n²,) in metres of loose material at the vertices of ``make_grid``."""
+    axis = _make_grid_axis(terrain)
+    return ground.measure_loose(axis[None, :], axis[:, None], shortest_wavelength_m(terrain)).ravel()
 
 
 def _check_finite(heights: Array) -> None:

@@ -13,6 +13,7 @@ import math
 from typing import Any
 
 from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
+from ...physics.surfaces.fallen_frost import find_free_exponent, find_hold_cosines, find_origin
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import WHITE, Node, Socket, Tree, Value
@@ -22,8 +23,10 @@ from .patches_and_grain import (
     NOISE_MEAN,
     add_noise,
     add_patch_noise,
+    add_share_below,
     find_threshold,
 )
+from .sheltered_ground import SHELTERED
 
 #: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
 _BAND_CONTRAST, _MOST_BUBBLE_SHARE = 4.0, 0.6
@@ -33,6 +36,8 @@ _ACROSS_BANDS, _BEND_LENGTH, _MOST_BEND = (0.88, 0.38, 0.28), 4.0, 3.0
 #: Frost: cosines of the slopes at which it starts to decrease (30 degrees) and ends (65 degrees); the rise of the noise
 #: that frost would need there, and half the width of the edge of frost, both in standard deviations.
 _FULL_FROST_COSINE, _NO_FROST_COSINE, _NO_FROST_DEVIATIONS, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
+#: Half the width of the edge of patches of fallen frost, as a share of the noise's values: the most and the least.
+_FALLEN_EDGE, _SHARPEST_EDGE = 0.15, 1e-3
 #: Crust: width of its edge in standard deviations of the noise, and the share of the grain's height that is left under
 #: it.
 _CRUST_EDGE = 0.05
@@ -112,16 +117,42 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
     return shader, volume
 
 
-def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0) -> Socket:
+def add_frost_share(
+    tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0, marked: bool = False
+) -> Socket:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
-    faces. ``mask`` multiplies it."""
+    faces. ``mask`` multiplies it. ``marked`` is whether the mesh may have the attribute ``SHELTERED``, which rocks do
+    not have."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
+    if surface.frost_from == "FALL":
+        frosted = _add_fallen_patches(tree, _add_fallen_share(tree, surface, geometry, marked), field)
+        return frosted if isinstance(mask, float) else tree.math("MULTIPLY", "Painted Frost", frosted, mask)
     upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
     rise = _NO_FROST_DEVIATIONS * NOISE_DEVIATION / (_FULL_FROST_COSINE - _NO_FROST_COSINE)
     steep = (_FULL_FROST_COSINE - Number(tree, upright)).at_least(0.0) * rise
     limit, edge = find_threshold(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
     frosted = tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
     return frosted if isinstance(mask, float) else tree.math("MULTIPLY", "Painted Frost", frosted, mask)
+
+
+def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, marked: bool) -> Number:
+    """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, in the mean over patches."""
+    normal, origin = geometry.outputs["True Normal"], find_origin(surface)
+    toward = Number(tree, tree.vector("DOT_PRODUCT", "Toward the Origin", normal, origin))
+    received = toward.at_least(0.0) * (1.0 / origin[2])
+    if marked:
+        received = received * (1.0 - Number(tree, tree.attribute("Sheltered", SHELTERED)))
+    covered = 1.0 - (received * find_free_exponent(surface)).exp()
+    held = tree.ramp("Held", tree.separated("Up", normal)[2], *find_hold_cosines(surface), smooth=True)
+    return Number(tree, held) * covered
+
+
+def _add_fallen_patches(tree: Tree, share: Number, field: Socket) -> Socket:
+    """Output socket of patches of noise ``field`` that cover a ``share`` of the area. With a share of 1 they cover all,
+    with 0 nothing. Their edges are soft, but no wider than keeps the mean."""
+    edge = share.at_most(1.0 - share).at_most(_FALLEN_EDGE).at_least(_SHARPEST_EDGE)
+    ahead = share.times_plus(1.0 + 2.0 * _SHARPEST_EDGE, -_SHARPEST_EDGE) - add_share_below(tree, field)
+    return tree.ramp("Fallen Frost", (ahead / edge).value, -1.0, 1.0, smooth=True)
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:

@@ -187,6 +187,7 @@ class _Ice:
     pixel_rad: float
     at: _PatternOffsets
     frost_mask: Value = 1.0
+    marked: bool = False  # whether the mesh may have the attributes of the ground
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
         """Shader socket of ice with ``surface`` settings, except for their albedo."""
@@ -233,7 +234,7 @@ def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any,
         shader = tree.over("Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
         frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
-        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost, ice.frost_mask)
+        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost, ice.frost_mask, ice.marked)
         over = replace(ice, wanted=surface.frost_albedo, varied={}).add("Frost", frost, glints=True)
         shader = tree.over("Frost on Ice", frosted, shader, over)
     return shader, volume
@@ -473,6 +474,7 @@ class _Material:
             1.0 / focal_px(settings.rig) if settings is not None else 0.0,
             self._at,
             self._frost_mask,
+            self._of_terrain,
         )
         shader, self._volume = _add_layers(ice, self._crusted, self._of_rocks)
         return shader
@@ -504,7 +506,9 @@ class _Material:
                 self._colour,
             )
             frosted = (
-                ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost, self._frost_mask)
+                ice_layers.add_frost_share(
+                    tree, surface, self._geometry, self._at.frost, self._frost_mask, self._of_terrain
+                )
                 if self._is_principled and surface.frost_share > 0.0
                 else None
             )

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ...physics.mesh.finer_in_view import CARRIED_SPACING, OCTAVES
+from ...physics.mesh.local_heights import measure_local_heights
 from ...physics.scene_requirements import needs_elevation
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
@@ -23,7 +24,7 @@ from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Node, Socket, Tree, Value, find_output
 from ..tree.formula import Number
 
-ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
+ELEVATION = "icymoon_elevation"  # attribute: height above mean plane or surroundings in standard deviations
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
 NOISE_MEAN, NOISE_DEVIATION, _STAIN_EDGE = 0.5, 0.069, 0.02
 #: Standard deviation for stains of the user's own colour. It is too large: these stains cover about 0.6 of a small
@@ -136,8 +137,8 @@ def mark_elevation(
 ) -> None:
     """Set the attribute ``ELEVATION`` of a mesh if ``surface`` settings need it; otherwise remove it.
 
-    It is the height of vertices above the mean plane, in standard deviations. ``drop_m`` returns by how many metres
-    curved ground drops at coordinates.
+    It is the height of vertices above the mean plane, or above the mean of their surroundings, in standard deviations.
+    ``drop_m`` returns by how many metres curved ground drops at coordinates.
     """
     existing = mesh.attributes.get(ELEVATION)
     if not needs_elevation(surface):
@@ -151,7 +152,10 @@ def mark_elevation(
         z = z + drop_m(x, y)
     plane = np.stack([x, y, np.ones_like(x)], axis=1)
     above = z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
-    deviation = float(above.std())
+    known = np.ones(len(above), bool)
+    if surface.trough_width_m > 0.0:
+        above, known = measure_local_heights(x, y, above, float(surface.trough_width_m))
+    deviation = float(above[known].std())
     elevation = above / deviation if deviation > 0.0 else above
     attribute = existing or mesh.attributes.new(ELEVATION, "FLOAT", "POINT")
     attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
@@ -208,12 +212,17 @@ def add_clean_share(
     if clean == 1.0 or surface.dirt_patch_m == 0.0:
         return clean
     field = add_patch_noise(tree, surface, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth)
-    # The share of noise that is below its value here: a logistic function is within 0.01 of the Gaussian's.
-    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
-    below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
+    below = add_share_below(tree, field)
     # With soft edges all of the ground is still free at 1, and none at 0.
     ahead = Number(tree, clean).times_plus(1 + 2 * _STAIN_EDGE, -_STAIN_EDGE) - below
     return tree.ramp("Between Patches", ahead.value, -_STAIN_EDGE, _STAIN_EDGE, smooth=True)
+
+
+def add_share_below(tree: Tree, field: Socket) -> Number:
+    """Add the share of noise that is below its value here, from the output socket ``field`` of noise."""
+    # A logistic function is within 0.01 of the Gaussian's.
+    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
+    return (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:

@@ -63,13 +63,14 @@ def breaks_walls(settings: Settings) -> bool:
 @dataclass(frozen=True)
 class BrokenMesh:
     """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and for each triangle (m,) the original
-    triangle that it is part of. ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of
-    two others."""
+    triangle that it is part of. ``spacing_m`` (n,) are spacings of vertices on the map, ``loose_m`` (n,) thicknesses of
+    loose material, or None; an added vertex has the mean of two others."""
 
     positions: Array
     faces: Array
     of_face: Array
     spacing_m: Array
+    loose_m: Array | None = None
 
 
 def scoop_depth(points: Array, key: int) -> Array:
@@ -123,9 +124,16 @@ def face_normals(positions: Array, faces: Array) -> Array:
 
 
 def break_walls(
-    positions: Array, faces: Array, walls: Walls, spacing_m: Array, pixel_m: Array, most: int
+    positions: Array,
+    faces: Array,
+    walls: Walls,
+    spacing_m: Array,
+    pixel_m: Array,
+    most: int,
+    loose_m: Array | None = None,
 ) -> BrokenMesh:
-    """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
+    """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map and carry ``loose_m`` (n,) of
+    loose material, if that is known.
 
     Pixels are ``pixel_m`` (n,) wide; where they are infinite, nothing is seen and walls stay as they are. Long sides of
     a wall's triangles are halved until they are short in pixels, or until more than ``most`` vertices would be needed.
@@ -144,13 +152,14 @@ def break_walls(
         positions, seen_m, spacing_m = (
             np.concatenate([each, each[edges].mean(axis=1)]) for each in (positions, seen_m, spacing_m)
         )
+        loose_m = None if loose_m is None else np.concatenate([loose_m, loose_m[edges].mean(axis=1)])
         added, part_of = split_at_sides(faces[some], middle)
         faces, of_face = (
             np.concatenate([np.delete(whole, some, axis=0), new.astype(whole.dtype)])
             for whole, new in ((faces, added), (of_face, of_face[some][part_of]))
         )
     return BrokenMesh(
-        positions - _chip_offsets(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m
+        positions - _chip_offsets(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m, loose_m
     )
 
 

@@ -31,20 +31,22 @@ _LARGE_SPACING_M = 1.0e9
 class GradedMesh:
     """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``. If the visible
     part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for other
-    vertices, and ``fine`` (m,) is true for triangles that are part of a cut one."""
+    vertices, and ``fine`` (m,) is true for triangles that are part of a cut one. ``loose_m`` (n,) are thicknesses of
+    loose material in metres, if they are asked for."""
 
     positions: Array
     faces: Array
     sharp: Array
     spacing_m: Array | None = None
     fine: Array | None = None
+    loose_m: Array | None = None
 
 
 @dataclass(frozen=True)
 class GradedGround:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh. ``rig`` are the settings of the
     cameras that see the finer part; None without a finer part. With ``breaks_walls`` the mesh has at most ``most``
-    vertices."""
+    vertices; with ``measures_loose`` it has the thickness of loose material."""
 
     ground: Terrain
     grading: VertexSpacing
@@ -53,6 +55,7 @@ class GradedGround:
     rig: RigSettings | None = None
     breaks_walls: bool = False
     most: int = 0
+    measures_loose: bool = False
 
     @property
     def size_m(self) -> float:
@@ -67,6 +70,10 @@ class GradedGround:
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres above the tangent plane at the site; see ``Surface.heights``."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
+
+    def measure_loose(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
+        """Thicknesses in metres of loose material; see ``Terrain.measure_loose``."""
+        return self.ground.measure_loose(x_m, y_m, shortest_m)
 
     @property
     def skirts(self) -> Skirts | None:
@@ -127,7 +134,8 @@ class GradedGround:
                 np.concatenate([sharp, cut.find_sharp_edges()]),
             )
             step = self.grading.spacing_at(np.hypot(*self._relative_to_site(places)))
-        whole = GradedMesh(self._raise_to_ground(places, step), faces, sharp)
+        loose = self._measure_loose_at(places, step) if self.measures_loose else None
+        whole = GradedMesh(self._raise_to_ground(places, step), faces, sharp, loose_m=loose)
         if self.rig is not None and self.grading.relief is not None:
             whole = self._cut_for_relief(whole, step)
         for walls in (each.walls for each in self.ground.landforms if self.breaks_walls and each.walls):
@@ -152,6 +160,10 @@ class GradedGround:
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
         return positions
 
+    def _measure_loose_at(self, places: Array, step: Array) -> Array:
+        """Thicknesses (n,) of loose material at places (n, 2) of a mesh with spacings ``step`` (n,)."""
+        return self.ground.measure_loose(places[:, 0], places[:, 1], _round_to_single(CARRIED_WAVELENGTH * step))
+
     def _cut_for_relief(self, whole: GradedMesh, step: Array) -> GradedMesh:
         """The mesh with smaller triangles where the cameras see high enough fine relief, or everywhere in view."""
         relief, at = self.grading.relief, self.grading.view
@@ -170,12 +182,14 @@ class GradedGround:
         finer = np.flatnonzero(inside)
         finest = step[finer] / relief.parts
         # Otherwise the ground's own waves below the uncut spacing are left out; fine relief replaces them.
-        positions[finer] = self._raise_to_ground(
-            _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
-        )
+        places, carried = _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
+        positions[finer] = self._raise_to_ground(places, carried)
         spacing = np.full(len(positions), np.inf)
         spacing[finer] = finest
-        return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
+        loose = None if whole.loose_m is None else split.spread(whole.loose_m)
+        if loose is not None:
+            loose[finer] = self._measure_loose_at(places, carried)
+        return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut, loose)
 
     def _break_visible_walls(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
         """The mesh with broken walls where they are near enough and in view."""
@@ -187,11 +201,12 @@ class GradedGround:
             is_in_view(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
         )
         spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _LARGE_SPACING_M)
-        broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
+        broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most, whole.loose_m)
         if whole.spacing_m is None or whole.fine is None:
-            return GradedMesh(broken.positions, broken.faces, whole.sharp)
+            return GradedMesh(broken.positions, broken.faces, whole.sharp, loose_m=broken.loose_m)
         spacing = np.where(broken.spacing_m > spacing[spacing < _LARGE_SPACING_M].max(), np.inf, broken.spacing_m)
-        return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, whole.fine[broken.of_face])
+        fine = whole.fine[broken.of_face]
+        return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, fine, broken.loose_m)
 
     def advice(self, settings: Settings) -> list[str]:
         """Sentences about a mesh that is coarser than the settings ask for; else an empty list."""
@@ -246,4 +261,5 @@ def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
         settings.rig,
         broken,
         most,
+        bool(settings.quality.loose_thickness),
     )

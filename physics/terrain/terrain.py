@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -68,21 +68,14 @@ class Terrain:
         vertices d apart cannot carry wavelengths below 2 d, and would show them as noise of other
         statistics.
         """
-        x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
-        shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
-        if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
-            result = np.empty(shape)
-            for rows, columns in _list_tiles(*shape):
-                result[rows, columns] = self._compute_tile(x[:, columns], y[rows], shortest_m)
-            return result
-        x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
-        shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
-        order = _order_by_place(x, y)
-        result = np.empty(x.size)
-        for start in range(0, x.size, _TILE_SIDE**2):
-            some = order[start : start + _TILE_SIDE**2]
-            result[some] = self._compute_tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
-        return result.reshape(shape)
+        return _compute_by_tiles(self._compute_tile, x_m, y_m, shortest_m)
+
+    def measure_loose(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
+        """Thicknesses in metres, along the vertical, of the loose material of the same heights: mantle and skirts.
+
+        For the arguments see ``heights``, which are lower by these thicknesses without mantle and skirts.
+        """
+        return _compute_by_tiles(self._compute_loose_tile, x_m, y_m, shortest_m)
 
     def with_sharp_crests(self) -> Terrain:
         """The same ground with sharp crests, for a mesh that has edges along the crests of its landforms."""
@@ -94,20 +87,38 @@ class Terrain:
 
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """Heights of one tile of points."""
+        total = self._sum_hard(x, y, shortest_m)
+        if self.mantle_thickness_m:
+            total += self._measure_mantle(total, x, y, shortest_m)
+        if self.slope_east or self.slope_north:
+            total += self._regional_slope(x, y)
+        if self.skirts:
+            total += self.skirts.heights(x, y, shortest_m)
+        return total
+
+    def _compute_loose_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        """Thicknesses of loose material at one tile of points."""
+        loose = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
+        if self.mantle_thickness_m:
+            loose += self._measure_mantle(self._sum_hard(x, y, shortest_m), x, y, shortest_m)
+        if self.skirts:
+            loose += self.skirts.heights(x, y, shortest_m)
+        return loose
+
+    def _sum_hard(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        """Sum the heights, m, of the random surface with hills and landforms, without mantle, slope and skirts."""
         total = self._sum_ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a uniform mesh leaves out landforms that are too fine for it; a graded mesh bounds their error.
             share = landform.resolved_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)
-        if self.mantle_thickness_m:
-            smooth = self._sum_ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
-            total += snow_depth_m(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
-        if self.slope_east or self.slope_north:
-            total += self._regional_slope(x, y)
-        if self.skirts:
-            total += self.skirts.heights(x, y, shortest_m)
         return total
+
+    def _measure_mantle(self, hard_m: Array, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        """Thickness, m, of the mantle on ground of the heights ``hard_m``."""
+        smooth = self._sum_ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
+        return snow_depth_m(smooth + (self.mantle_level_m - hard_m), self.mantle_thickness_m)
 
     def _regional_slope(self, x: Array, y: Array) -> Array:
         """The regional slope: a plane on the patch, which levels out beyond it at twice the patch's height."""
@@ -124,6 +135,27 @@ class Terrain:
         if self.hills:
             total += self.hills.heights(x, y, shortest_m)
         return total
+
+
+def _compute_by_tiles(
+    compute: Callable[[Array, Array, Numbers], Array], x_m: Numbers, y_m: Numbers, shortest_m: Numbers
+) -> Array:
+    """The values that ``compute`` finds for tiles of points, at coordinates that broadcast."""
+    x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
+    shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
+    if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
+        result = np.empty(shape)
+        for rows, columns in _list_tiles(*shape):
+            result[rows, columns] = compute(x[:, columns], y[rows], shortest_m)
+        return result
+    x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
+    shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
+    order = _order_by_place(x, y)
+    result = np.empty(x.size)
+    for start in range(0, x.size, _TILE_SIDE**2):
+        some = order[start : start + _TILE_SIDE**2]
+        result[some] = compute(x[some], y[some], shortest_m if shortest is None else shortest[some])
+    return result.reshape(shape)
 
 
 def _list_tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:

@@ -97,8 +97,8 @@ _LIGHT = {
 _NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
 #: Ground images with colours and detail in each pixel, so that light has as many values as noise gives it.
 _DETAILED_IMAGES = ("STAND_IN", "OWN", "MESH")
-#: Bytes per pixel: of depth, of the labels and normals that rocks add, and of the rest.
-_DEPTH_BYTES, _ROCK_LABEL_BYTES, _OTHER_BYTES = 4.0, 1.0, 0.2
+#: Bytes per pixel: of depth, of the labels and normals that rocks add, of loose material, and of the rest.
+_DEPTH_BYTES, _ROCK_LABEL_BYTES, _LOOSE_BYTES, _OTHER_BYTES = 4.0, 1.0, 2.3, 0.2
 #: Bytes of one ``pair.json``.
 STATED_BYTES = 25e3
 #: Least pitch below the horizon in degrees for which visible facets are counted; a camera that looks farther up is
@@ -231,7 +231,9 @@ def estimate_bytes(settings: Settings) -> float:
     # One more copy of the truth for the rectified rig of eyes that are turned in.
     copies = 1.0 + (settings.rig.toe_in_deg != 0)
     truth = (
-        _DEPTH_BYTES + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded])
+        _DEPTH_BYTES
+        + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded])
+        + _LOOSE_BYTES * settings.quality.loose_thickness
         if quality.truth == "FULL"
         else _DEPTH_BYTES
     )

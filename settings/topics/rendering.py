@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .declaration import ADVANCED, Section, Table, choice, number
+from .declaration import ADVANCED, Section, Table, choice, number, tick
+from .ground import PROCEDURAL
 from .relevance import chosen, ticked
 
 #: Laws of reflectance that use ``fine_relief``.
@@ -106,6 +107,10 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
             "reproduce, and the pair states why"),
         ("CYCLES", "Cycles", "Four more renders, with shading normals beside those of facets"),
         section=ADVANCED, since="0.3", before="CYCLES")
+    loose_thickness: bool = tick(
+        "Loose Material", False, "Add the thickness of loose material above the hard ground to the full truth by rays: "
+        "snow in hollows, skirts of rocks and spoil, along the vertical", "sampling", section=ADVANCED,
+        shown=chosen("truth", "FULL") & chosen("truth_by", "RAYS") & PROCEDURAL, since="0.4")
     device: Literal["CPU", "GPU"] = choice("Device", "CPU", "Processor that renders", "run",
         ("CPU", "CPU", "All processor cores"),
         ("GPU", "GPU", "The graphics cards that Cycles can use. Render Stereo Pair refuses it if there are none"),

@@ -24,7 +24,9 @@ from .relevance import chosen, nonzero, of_topic, positive, ticked
 
 PRINCIPLED = chosen("model", "PRINCIPLED")
 DIRTY = ~chosen("dirt", "BLACK")
+FALLEN = positive("frost_share") & chosen("frost_from", "FALL")
 EMITTING = PRINCIPLED | chosen("model", "LAMBERT")
+HOLLOW_LIGHT = EMITTING & positive("emitted_w_m2_sr") & chosen("emitted_from", "HOLLOWS")
 #: Dirt that follows the relief. Rocks have no troughs.
 SOILED = nonzero("slope_dirt") | (nonzero("trough_dirt") & of_topic("surface"))
 #: Images that lie on the ground by its UV coordinates; a mesh's own images always do.
@@ -89,6 +91,10 @@ class SurfaceSettings(Table, label="Ice"):
     trough_dirt: float = signed(
         "Dirt in Troughs", "Darkening of low ground. Compares heights one standard deviation below and above the mean "
         "plane; negative to darken high ground", "material", section=DIRT)
+    trough_width_m: float = metres(
+        "Width of Troughs", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Width of the square around each place whose mean height "
+        "tells low ground, so that fines gather in each hollow and tops are clean; 0 for the mean plane of all ground",
+        "material", section=DIRT, active=of_topic("surface") & (nonzero("trough_dirt") | HOLLOW_LIGHT), since="0.4")
     slope_dirt: float = signed(
         "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
         "level ground", "material", section=DIRT)
@@ -208,8 +214,30 @@ class SurfaceSettings(Table, label="Ice"):
         "sets of fractures; each rock has its own", "material", section=INTERIOR, shown=PRINCIPLED,
         active=positive("fracture_share"), since="0.3")
     frost_share: float = fraction(
-        "Frost", 0.0, "Share of level ice that thin frost covers. Faces steeper than 65 degrees have none", "material",
-        section=COVER, shown=PRINCIPLED, since="0.3")
+        "Frost", 0.0, "Share of level ice that thin frost covers. Faces steeper than 65 degrees have none, unless "
+        "Steepest Frost states another limit", "material", section=COVER, shown=PRINCIPLED, since="0.3")
+    frost_from: Literal["VAPOUR", "FALL"] = choice(
+        "Frost From", "VAPOUR", "Origin of the frost, which sets where it lies", "geometry",
+        ("VAPOUR", "Vapour", "It forms in place, on level ice and on gentle slopes of all directions"),
+        ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, and "
+         "tops get caps. Walls and overhangs get none"),
+        section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.4")
+    frost_tilt_deg: float = degrees(
+        "Tilt of Fall", 0.0, 0.0, 80.0, "Angle between the vertical and the direction that the grains come from. 0 for "
+        "grains that fall straight down; a grain comes down as steeply as it left its vent", "geometry", (0.0, 60.0),
+        section=COVER, shown=PRINCIPLED, active=FALLEN, since="0.4")
+    frost_azimuth_deg: float = degrees(
+        "Origin of Fall", 0.0, -360.0, 360.0, "Direction that the grains come from, such as that of a vent, from north "
+        "(+Y) over east (+X)", "geometry", section=COVER, shown=PRINCIPLED, active=FALLEN & positive("frost_tilt_deg"),
+        since="0.4")
+    frost_spread_deg: float = degrees(
+        "Spread of Fall", 15.0, 0.0, 60.0, "Half of the width of the cone that the grains come from, which softens the "
+        "edge of ground that rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
+        (0.0, 45.0), section=COVER, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
+    frost_hold_deg: float = degrees(
+        "Steepest Frost", 50.0, 15.0, 90.0, "Slope that holds half of the grains that fall on it; slopes that are 15 "
+        "degrees steeper hold none. A guess: no slope of frost is known at 0.01 g", "material", (30.0, 75.0),
+        section=COVER, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_patch_m: float = metres(
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")

@@ -14,7 +14,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,7 @@ from ...support.labels import (
     INSTANCE_AOV,
     LAMP_GROUPS,
     LIGHT_GROUPS,
+    LOOSE,
     NORMAL_AOV,
     SKY_DEPTH_M,
     TRUTH,
@@ -73,6 +74,7 @@ class Truth:
     semantic: Array | None  # (H, W) int32, see labels.SEMANTIC
     # (H, W) bool: hidden from the other eye by something nearer; None if no rays were traced.
     hidden: Array | None = None
+    loose_m: Array | None = None  # (H, W) float32: thickness of loose material, m; None without quality.loose_thickness
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,12 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = (),
     channels = _read_channels(path, eye, without=without, rows=rows)
     truth = _make_truth(channels, path)
     light = _make_light(channels, path, not set(GROUP_PASSES) <= set(without))
-    return View(light.radiance, light.groups, truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
+    return join_light_and_truth(light, truth)
+
+
+def join_light_and_truth(light: Light, truth: Truth) -> View:
+    """Light and truth of one camera as one view."""
+    return View(**{each.name: getattr(of, each.name) for of in (light, truth) for each in fields(of)})
 
 
 def read_truth(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> Truth:
@@ -126,6 +133,7 @@ def _make_truth(channels: _Channels, path: Path, name: str = "Depth") -> Truth:
         _find_instances(channels),
         _find_labels(channels, _SEMANTIC_PASSES),
         None if hidden is None else hidden > 0,
+        channels.get((TRUTH, LOOSE, "X")),
     )
 
 

@@ -37,9 +37,7 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     _check_size(image, light.radiance, pair.camera.light_px)
     _check_size(truth, real.depth, pair.camera.rendered_px)
     real = _crop_margins(real, pair)
-    return light, View(
-        *_turn_light_to_parallel(light, pair, eye), real.depth, real.normal, real.instance, real.semantic, real.hidden
-    )
+    return light, exr.join_light_and_truth(exr.Light(*_turn_light_to_parallel(light, pair, eye)), real)
 
 
 def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:

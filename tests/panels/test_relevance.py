@@ -195,6 +195,12 @@ IDLE = {
     "bubble_radius_m",
     "bubble_band_m",
     "fracture_spacing_m",
+    "trough_width_m",
+    "frost_from",
+    "frost_tilt_deg",
+    "frost_azimuth_deg",
+    "frost_hold_deg",
+    "frost_spread_deg",
     "frost_mask_file",
     "frost_patch_m",
     "patch_raggedness",
@@ -324,6 +330,10 @@ CASES = [
         },
         "but",
         {
+            "frost_tilt_deg",
+            "frost_azimuth_deg",
+            "frost_hold_deg",
+            "frost_spread_deg",
             "lommel_seeliger_share",
             "snow_grain_m",
             "dirt",
@@ -333,6 +343,22 @@ CASES = [
             "bubble_band_m",
             "fracture_spacing_m",
         },
+    ),
+    (
+        "surface",
+        {"surface": {"frost_share": 0.1, "frost_from": "FALL"}},
+        "but",
+        {"lommel_seeliger_share", "frost_azimuth_deg", *IDLE}
+        - {
+            "frost_from",
+            "frost_tilt_deg",
+            "frost_hold_deg",
+            "frost_spread_deg",
+            "frost_mask_file",
+            "frost_patch_m",
+            "frost_albedo",
+        }
+        - {"patch_raggedness"},
     ),
     ("surface", {"surface": {"fracture_share": 0.1}}, "but", {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),
     (

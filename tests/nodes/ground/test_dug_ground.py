@@ -99,6 +99,19 @@ def test_only_heights_of_the_patch_differ_between_states():
     np.testing.assert_array_equal(first.positions[:around], second.positions[:around])
 
 
+def test_digging_takes_loose_material_first_and_leaves_spoil_loose():
+    """Hard ground is never raised, and is lowered only where the scoop goes deeper than the loose material."""
+    buried = {"mantle": {"thickness_m": 0.04, "length_m": 1.0}, "quality": {"loose_thickness": True}}
+    untouched, made = dug(buried, state=0), dug(buried, state=2)
+    patch = slice(-made.series.before_m.size, None)
+    hard, hard_before = (each.positions[patch, 2] - each.loose_m[patch] for each in (made, untouched))
+    dug_to = made.series.at(2).layers.ground.ravel()
+    assert hard == pytest.approx(np.minimum(hard_before, dug_to), abs=1e-6)
+    assert (hard < hard_before - 1e-3).any()
+    assert (made.loose_m[patch] > untouched.loose_m[patch] + 1e-3).any()
+    assert made.loose_m[: patch.start] == pytest.approx(untouched.loose_m[: patch.start])
+
+
 def test_the_next_state_makes_no_new_ground(monkeypatch):
     dug(state=1)
     monkeypatch.setattr(dug_ground, "mesh_ground", None)  # whoever calls it fails

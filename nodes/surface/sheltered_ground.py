@@ -1,0 +1,83 @@
+"""The share of falling frost that other ground and rocks keep from each vertex of the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ...physics.rocks.place_rocks import Rocks, euler_matrices
+from ...physics.rocks.rock_shapes import RockShape
+from ...physics.scene_requirements import needs_shelter
+from ...physics.surfaces.fallen_frost import find_origin
+from ...rays.engine import open_tracer
+from ...rays.exposure import find_exposed, list_directions
+from ...rays.shapes import Placed, Shape, World
+from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
+from ...support.blender import compat
+
+#: Attribute of vertices: the share of falling grains that other ground and rocks keep away. A mesh without it has none.
+SHELTERED = "icymoon_sheltered"
+
+
+def mark_shelter(
+    mesh: bpy.types.Mesh,
+    surface: SurfaceSettings,
+    rocks: Rocks | None = None,
+    shapes: Sequence[Sequence[RockShape]] = (),
+) -> None:
+    """Set the attribute ``SHELTERED`` of the ground's mesh if ``surface`` settings need it; otherwise remove it.
+
+    ``rocks`` of the ``shapes`` hide ground too. Raises IcyMoonError if no rays can be traced.
+    """
+    existing = mesh.attributes.get(SHELTERED)
+    if not needs_shelter(surface):
+        if existing is not None:
+            mesh.attributes.remove(existing)
+        return
+    ground = _read_shape(mesh)
+    world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *_place_rocks(rocks, shapes)])
+    tracer = open_tracer(world, compat.list_library_folders())
+    try:
+        directions = list_directions(find_origin(surface), surface.frost_spread_deg)
+        exposed = find_exposed(world, tracer, ground.vertices, directions)
+    finally:
+        tracer.close()
+    attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
+    attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
+
+
+def _read_shape(mesh: bpy.types.Mesh) -> Shape:
+    vertices, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.loops), np.int32)
+    mesh.attributes["position"].data.foreach_get("vector", vertices)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
+    triangles = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("loops", triangles)
+    return _make_shape(vertices.reshape(-1, 3), corners[triangles].reshape(-1, 3))
+
+
+def _make_shape(vertices: Array, triangles: Array) -> Shape:
+    count = len(triangles)
+    return Shape(
+        np.ascontiguousarray(vertices, np.float32),
+        np.ascontiguousarray(triangles, np.uint32),
+        np.zeros(count, bool),
+        np.zeros(count, np.uint8),
+    )
+
+
+def _place_rocks(rocks: Rocks | None, shapes: Sequence[Sequence[RockShape]]) -> list[Placed]:
+    """The rocks as instances of their shapes."""
+    if rocks is None or not len(rocks.shape):
+        return []
+    matrices = np.tile(np.eye(4), (len(rocks.shape), 1, 1))
+    matrices[:, :3, :3] = euler_matrices(rocks.rotation) * rocks.scale_m[:, None, :]
+    matrices[:, :3, 3] = rocks.position_m
+    found = []
+    for level, shape in sorted(set(zip(rocks.level.tolist(), rocks.shape.tolist(), strict=True))):
+        these = np.flatnonzero((rocks.level == level) & (rocks.shape == shape))
+        made = _make_shape(shapes[level][shape].vertices, shapes[level][shape].triangles)
+        found.append(Placed(made, matrices[these], these.astype(np.int64)))
+    return found

@@ -1,0 +1,50 @@
+"""How much of what falls on ground from one side arrives at its vertices, past other ground and rocks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..support.arrays import Array
+from .shapes import World, normalize
+from .surface import Tracer
+
+#: Directions from which grains come, if they come from a cone.
+_DIRECTIONS = 16
+#: Height above a vertex at which its rays start, and share of its distance from the origin that single precision takes.
+_LIFT_M, _LIFT_SHARE = 1e-3, 1e-6
+#: Number of vertices whose rays are traced at a time.
+_VERTICES_AT_ONCE = 2**18
+_GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+
+
+def list_directions(origin: tuple[float, float, float], spread_deg: float) -> Array:
+    """Unit vectors (n, 3), equally dense over a cone of half the width ``spread_deg`` around the unit vector
+    ``origin``; those at or below the horizon are left out. Without a spread it is ``origin`` alone."""
+    if spread_deg == 0.0:
+        return np.array([origin])
+    step = np.arange(_DIRECTIONS) + 0.5
+    along = 1.0 - step / _DIRECTIONS * (1.0 - math.cos(math.radians(spread_deg)))
+    across, turn = np.sqrt(1.0 - along**2), step * _GOLDEN_ANGLE
+    axis = np.array(origin)
+    right = normalize(np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])[None])[0]
+    made = along[:, None] * axis + across[:, None] * (
+        np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * np.cross(axis, right)
+    )
+    return np.asarray(made[made[:, 2] > 0.0])
+
+
+def find_exposed(world: World, tracer: Tracer, points: Array, directions: Array) -> Array:
+    """Share (n,) of what falls on level, open ground from ``directions`` (k, 3) that arrives over points (n, 3) of the
+    world. Each direction counts by its upward part, as level ground receives from it."""
+    weight = directions[:, 2] / directions[:, 2].sum()
+    found = np.zeros(len(points))
+    for start in range(0, len(points), _VERTICES_AT_ONCE):
+        some = slice(start, start + _VERTICES_AT_ONCE)
+        from_m = points[some].astype(np.float64)
+        from_m[:, 2] += _LIFT_M + _LIFT_SHARE * np.abs(from_m).max(axis=1)
+        for direction, share in zip(directions, weight, strict=True):
+            ahead = np.broadcast_to(direction, from_m.shape)
+            found[some] += share * ~tracer.is_blocked(from_m, ahead, 0.0, np.full(len(from_m), np.inf))
+    return found
