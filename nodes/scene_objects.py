@@ -20,13 +20,14 @@ from ..physics.mesh.graded_mesh import GradedGround
 from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.heights_on_mesh import SurroundedGround
 from ..physics.rig.focal_length import focal_px
-from ..physics.rocks.beyond_patch import make_view_beyond
+from ..physics.rocks.beyond_patch import ViewBeyond, make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
-from ..physics.rocks.place_rocks import scatter_rocks
+from ..physics.rocks.place_rocks import Rocks, scatter_rocks
 from ..physics.rocks.rock_table import TABLE, read_rock_table
 from ..physics.terrain.skirts import advise_on_skirts
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
+from ..settings.topics.rocks import RocksSettings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
@@ -207,35 +208,44 @@ def _build_rocks(
     with probe_heights(terrain) as height_at:
         view = make_view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-        bare, most_seen, moved = height_at, None, 0
+        bare, whole, most_seen, moved = height_at, height_at, None, 0
         if isinstance(ground, MeshedGround):
             bare, most_seen = ground.without_skirts(height_at, settings.terrain), ground.most_rocks
-        rocks = scatter_rocks(wanted, ground.surface.size_m, seed, bare, shapes, clear, view, most_seen)
+            whole = ground.before(height_at)
+        rocks = scatter_rocks(wanted, ground.surface.size_m, seed, bare, shapes, clear, view, most_seen, whole)
         if isinstance(ground, DugGround):
             rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
     item = mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
-    warnings, most = [], format_count(wanted.most, "rock")
+    return item, _advise_on_rocks(settings, wanted, rocks, view), moved
+
+
+def _advise_on_rocks(settings: Settings, wanted: RocksSettings, rocks: Rocks, view: ViewBeyond | None) -> list[str]:
+    """Warnings about rocks and debris that are left out; ``wanted`` has an absolute path of its table."""
+    warnings, most = list[str](), format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
         warnings.append(
             f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
             "raise rocks.most or rocks.smallest_m."
         )
-    if wanted.law == TABLE and (
-        lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)
-    ):
+    if rocks.debris_smallest_m > wanted.debris_smallest_m:
+        warnings.append(
+            f"Debris under {rocks.debris_smallest_m:.3g} m is left out to keep to "
+            f"{format_count(wanted.debris_most, 'fragment')}; raise rocks.debris_most or rocks.debris_smallest_m."
+        )
+    if wanted.law == TABLE and (lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - rocks.debris_start):
         warnings.append(
             f"The scene lacks {format_count(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
             "site than rocks.clear_radius_m."
         )
     if view is not None and rocks.beyond_rad > view.smallest_rad:
-        width_px = rocks.beyond_rad * focal_px(rig)
+        width_px = rocks.beyond_rad * focal_px(settings.rig)
         warnings.append(
             f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
             "raise rocks.most, rocks.beyond_px or rocks.smallest_m."
         )
-    return item, warnings, moved
+    return warnings
 
 
 def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
