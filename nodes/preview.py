@@ -28,7 +28,7 @@ from ..physics.mesh.preview_ground import PreviewGround
 from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS
 from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
-from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
+from ..physics.rocks.place_rocks import LEVEL_RANKS, HeightAt, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape
 from ..physics.scene_requirements import find_elevation_mark
 from ..physics.terrain.terrain import Terrain
@@ -260,18 +260,22 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
     """The rocks of the settings that look largest, with the coarsest shapes."""
     rocks, rig = make_paths_absolute(settings).rocks, settings.rig
     step_m = compute_vertex_spacing_m(settings.terrain)
-    ground = ground.without_skirts()
+
+    def heights_on(mesh: Terrain | GradedGround) -> HeightAt:
+        if isinstance(mesh, PreviewGround):
+            return mesh.compute_mesh_heights
+        return lambda x, y: mesh.heights(x, y, 2 * step_m)
+
     found = scatter_rocks(
         rocks,
         float(settings.terrain.size_m),
         int(settings.dataset.seed),
-        ground.compute_mesh_heights
-        if isinstance(ground, PreviewGround)
-        else lambda x, y: ground.heights(x, y, 2 * step_m),
+        heights_on(ground.without_skirts()),
         _make_coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
         (rig.x_m, rig.y_m, rocks.clear_radius_m),
         make_view_beyond(settings),
         MOST_MOVED_ROCKS,
+        heights_on(ground),
     )
     return replace(found, level=np.zeros_like(found.level))
 

@@ -274,11 +274,12 @@ def _place_rocks(
     seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
     clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-    bare, most_seen, moved = height_at, None, 0
+    bare, whole, most_seen, moved = height_at, height_at, None, 0
     if isinstance(ground, MeshedGround):
         bare, most_seen = ground.without_skirts(height_at, settings.terrain), ground.most_rocks
+        whole = ground.before(height_at)
     rocks = scatter_rocks(
-        wanted, ground.surface.size_m, seed, bare, shapes, clear, make_view_beyond(settings), most_seen
+        wanted, ground.surface.size_m, seed, bare, shapes, clear, make_view_beyond(settings), most_seen, whole
     )
     if isinstance(ground, DugGround):
         rocks, moved = settle_rocks(rocks, ground.change_m, height_at, shapes)
@@ -288,15 +289,18 @@ def _place_rocks(
 def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
     """Sentences on rocks that the settings ask for and that are left out."""
     wanted, view = make_paths_absolute(settings).rocks, make_view_beyond(settings)
-    warnings, most = [], format_count(wanted.most, "rock")
+    warnings, most = list[str](), format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
         warnings.append(
             f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
             "raise rocks.most or rocks.smallest_m."
         )
-    if wanted.law == TABLE and (
-        lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)
-    ):
+    if rocks.debris_smallest_m > wanted.debris_smallest_m:
+        warnings.append(
+            f"Debris under {rocks.debris_smallest_m:.3g} m is left out to keep to "
+            f"{format_count(wanted.debris_most, 'fragment')}; raise rocks.debris_most or rocks.debris_smallest_m."
+        )
+    if wanted.law == TABLE and (lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - rocks.debris_start):
         warnings.append(
             f"The scene lacks {format_count(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
             "site than rocks.clear_radius_m."

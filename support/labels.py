@@ -52,7 +52,7 @@ NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
 #: terrain, then the user's objects, each its own pass index or else the next free number. Rocks are
 #: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from
-#: ``FIRST_ROCK_INSTANCE`` by size, the largest first. Single precision is exact up to 2^24.
+#: ``FIRST_ROCK_INSTANCE`` by size, the largest first, then their debris. Single precision is exact up to 2^24.
 TERRAIN_INSTANCE = 1
 FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE = 2, 32767
 FIRST_LINK_INSTANCE = 30_001  # of our lander, whose objects of the user may have low numbers

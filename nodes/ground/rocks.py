@@ -112,8 +112,7 @@ def build_rocks(
 ) -> bpy.types.Object:
     """The object whose points are the rocks. ``find_rock_parts`` returns the other data-blocks that it needs.
 
-    Labels of rocks follow their sizes, the largest first. Everything except the object itself gets the custom property
-    ``tag``.
+    Labels follow the order of the rocks. Everything except the object itself gets the custom property ``tag``.
     """
     used, pick = _number_shapes(rocks, shapes)
     library = bpy.data.collections.new(f"{name} Shapes")

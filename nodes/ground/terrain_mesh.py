@@ -68,6 +68,10 @@ class MeshedGround:
     most_rocks: int | None = None
     loose_m: Array | None = None
 
+    def before(self, height_at: HeightAt) -> HeightAt:
+        """A function for the heights of the untouched ground, from ``height_at`` of the mesh."""
+        return height_at
+
     def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
         """A function for the heights on which rocks lie, from ``height_at`` of the mesh: those without skirts."""
         if self.surface.skirts is None:

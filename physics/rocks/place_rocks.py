@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +19,7 @@ from ...support.arrays import Array
 from ...support.files import absolute_path
 from ..random_numbers.seeds import make_generator
 from .beyond_patch import ViewBeyond, draw_beyond
+from .debris import Outlines, shed_debris
 from .painted_mask import PaintedMask, read_mask
 from .rock_shapes import RockShape
 from .rock_table import TABLE, read_rock_table
@@ -29,18 +30,21 @@ HeightAt = Callable[[Array, Array], Array]
 
 #: Ranks in size at which the level of detail changes: rocks before the first have the finest level.
 LEVEL_RANKS = (500, 5000)
-_SIZES, _PLACES, _POSES, _BEYOND, _MASK = 1, 2, 3, 4, 5  # children of the "rocks" stream; 0 is the shapes'
+_SIZES, _PLACES, _POSES, _BEYOND, _MASK, _DEBRIS = 1, 2, 3, 4, 5, 6  # children of the "rocks" stream; 0 is the shapes'
+_PART_STREAMS = ((), (_BEYOND,))  # of the rocks on the patch and beyond it
 _VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
 _BURIAL_VARIATION = 0.1
+_VERTICES_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True)
 class Rocks:
-    """``n`` rocks: the rocks on the patch, largest first, then the rocks beyond it, largest first. ``position_m`` (n,
-    3) are the centres, ``rotation`` (n, 3) Euler angles XYZ in radians, ``scale_m`` (n, 3) the scale of a shape of unit
-    size; ``level`` and ``shape`` (n,) select the shape. ``diameter_m`` (n,) is the diameter of a circle with the
-    covered area, ``reach_m`` (n,) the largest horizontal distance from the centre. ``smallest_m`` is the smallest
-    diameter that could be drawn; a limit on the number of rocks raises it above the setting. ``beyond_rad`` is the
+    """``n`` rocks: the rocks on the patch, largest first, then the rocks beyond it, largest first, then their debris in
+    the same order, from index ``debris_start``. ``position_m`` (n, 3) are the centres, ``rotation`` (n, 3) Euler angles
+    XYZ in radians, ``scale_m`` (n, 3) the scale of a shape of unit size; ``level`` and ``shape`` (n,) select the shape.
+    ``diameter_m`` (n,) is the diameter of a circle with the covered area, ``reach_m`` (n,) the largest horizontal
+    distance from the centre. ``smallest_m`` is the smallest diameter that could be drawn, and ``debris_smallest_m`` of
+    debris, 0 without debris; a limit on the number raises it above the setting. ``beyond_rad`` is the
     least apparent width of rocks beyond the patch, 0 without such rocks."""
 
     position_m: Array
@@ -52,6 +56,8 @@ class Rocks:
     reach_m: Array
     smallest_m: float = 0.0
     beyond_rad: float = 0.0
+    debris_smallest_m: float = 0.0
+    debris_start: int = 0
 
 
 @dataclass(frozen=True)
@@ -82,12 +88,14 @@ class _LooseRocks:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """The rocks on the patch and those beyond it, if there are any, in one part or two, with the numbers of
-    ``Rocks``."""
+    """The rocks on the patch and those beyond it, if there are any, in one part or two, their debris in the same parts
+    or none, and the numbers of ``Rocks``."""
 
     parts: tuple[_LooseRocks, ...]
+    debris: tuple[_LooseRocks, ...]
     smallest_m: float
     beyond_rad: float
+    debris_smallest_m: float
 
 
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
@@ -154,6 +162,18 @@ def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tu
     return normal, (z - east[:, None] * dx - north[:, None] * dy).min(axis=1)
 
 
+def _group_by_shape(
+    level: Array, shape: Array, shapes: Sequence[Sequence[RockShape]]
+) -> Iterator[tuple[RockShape, Array]]:
+    """Each shape with the indices of rocks that have it, some at a time: the vertices of all would not fit into
+    memory."""
+    for kind in np.unique(np.stack([level, shape], 1), axis=0):
+        these, found = np.flatnonzero((level == kind[0]) & (shape == kind[1])), shapes[kind[0]][kind[1]]
+        step = max(1, _VERTICES_AT_ONCE // len(found.vertices))
+        for start in range(0, len(these), step):
+            yield found, these[start : start + step]
+
+
 def _measure_extent(
     rotation: Array,
     scale: Array,
@@ -165,9 +185,8 @@ def _measure_extent(
     """For rotated rocks, all in metres: the vertex (n, 3) deepest along the ground's normal, relative to the centre;
     the thickness (n,) along the normal; and the horizontal reach (n,)."""
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
-    for kind in np.unique(np.stack([level, shape], 1), axis=0):
-        these = np.flatnonzero((level == kind[0]) & (shape == kind[1]))
-        points = (rotation[these] * scale[these, None, :]) @ shapes[kind[0]][kind[1]].vertices.T
+    for kind, these in _group_by_shape(level, shape, shapes):
+        points = (rotation[these] * scale[these, None, :]) @ kind.vertices.T
         along = np.einsum("nk,nkv->nv", normal[these], points)
         lowest = along.argmin(axis=1)
         deepest[these] = points[np.arange(len(these)), :, lowest]
@@ -185,6 +204,7 @@ def scatter_rocks(
     clear_m: tuple[float, float, float],
     beyond: ViewBeyond | None = None,
     most_seen: int | None = None,
+    skirted: HeightAt | None = None,
 ) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
@@ -194,17 +214,21 @@ def scatter_rocks(
     outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
     ``rocks.file``, whose path is absolute, and no rocks lie outside. A painted mask, ``rocks.mask_file``, keeps each
     rock with a probability equal to the mask at its place, and moves no rock. With ``most_seen`` only that many rocks
-    are returned, those that look largest from the centre of the circle, unchanged by the limit. Raises IcyMoonError if
-    the settings contradict each other or the mask cannot be read.
+    are returned, those that look largest from the centre of the circle, unchanged by the limit; debris only fills it
+    up. Debris lies on the ground ``skirted``, which has the skirts of the rocks if there are any. Raises IcyMoonError
+    if the settings contradict each other or the mask cannot be read.
     """
     drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
     laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
+    start = sum(len(each.diameter_m) for each in laid)
+    laid += [_lay_rocks(part, skirted or surface, shapes, clear_m) for part in drawn.debris]
+    numbers = ("smallest_m", "beyond_rad", "debris_smallest_m")
     arrays = {
         f.name: np.concatenate([getattr(each, f.name) for each in laid])
         for f in fields(Rocks)
-        if f.name not in ("smallest_m", "beyond_rad")
+        if f.name not in (*numbers, "debris_start")
     }
-    return Rocks(**arrays, smallest_m=drawn.smallest_m, beyond_rad=drawn.beyond_rad)
+    return Rocks(**arrays, **{name: getattr(drawn, name) for name in numbers}, debris_start=start)
 
 
 def draw_footprints(
@@ -216,25 +240,28 @@ def draw_footprints(
     beyond: ViewBeyond | None = None,
     most_seen: int | None = None,
 ) -> Footprints:
-    """The outlines of the rocks of ``scatter_rocks``, before a ground is known. A rock that the circle ``clear_m``
-    might remove, however the ground tilts it, is left out.
+    """The outlines of the rocks of ``scatter_rocks`` without debris, before a ground is known. A rock that the circle
+    ``clear_m`` might remove, however the ground tilts it, is left out.
 
     A rock counts as an ellipsoid with its length, width and height.
     """
     drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
     loose = _join(list(drawn.parts))
     stays = _list_staying(loose, shapes, clear_m)
-    half = loose.rotation[stays] * (loose.scale_m[stays, None, :] / 2)
+    outlines, thickness = _find_outlines(loose, stays)
+    return Footprints(outlines.places_m, outlines.half_m, outlines.turn_rad, thickness * (1.0 - loose.burial[stays]))
+
+
+def _find_outlines(loose: _LooseRocks, which: Array | slice) -> tuple[Outlines, Array]:
+    """The outlines of some rocks as ellipsoids on level ground, and their thickness (n,) in metres."""
+    half = loose.rotation[which] * (loose.scale_m[which, None, :] / 2)
     square = half @ np.swapaxes(half, 1, 2)
-    # The outline of an ellipsoid is the ellipse of the upper left part of its matrix.
+    # The outline of an ellipsoid is the ellipse of the upper left part of its matrix. A copy, as in ``euler_xyz``.
     mean, apart = (square[:, 0, 0] + square[:, 1, 1]) / 2, (square[:, 0, 0] - square[:, 1, 1]) / 2
-    turned = np.hypot(apart, square[:, 0, 1])
-    return Footprints(
-        loose.places_m[stays],
-        np.sqrt(np.stack([mean + turned, np.maximum(mean - turned, 0.0)], axis=1)),
-        np.arctan2(square[:, 0, 1], apart) / 2,
-        2.0 * np.sqrt(square[:, 2, 2]) * (1.0 - loose.burial[stays]),
-    )
+    mixed = np.ascontiguousarray(square[:, 0, 1])
+    turned = np.hypot(apart, mixed)
+    axes = np.sqrt(np.stack([mean + turned, np.maximum(mean - turned, 0.0)], axis=1))
+    return Outlines(loose.places_m[which], axes, np.arctan2(mixed, apart) / 2), 2.0 * np.sqrt(square[:, 2, 2])
 
 
 def _list_staying(
@@ -285,15 +312,52 @@ def _draw_rocks(
     parts = [(xy, diameter)] + ([(far.places_m, far.diameter_m)] if far else [])
     kept = _list_kept(rocks, size_m, seed, [xy for xy, _ in parts])
     ranks = [np.arange(len(diameter))] + ([np.argsort(np.argsort(-far.angle_rad, kind="stable"))] if far else [])
+    chosen = _choose_seen(parts, kept, clear_m, most_seen)
     loose = [
         _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _POSES), heights, seen)
-        for part, rank, stream, seen in zip(
-            parts, ranks, ((), (_BEYOND,)), _choose_seen(parts, kept, clear_m, most_seen), strict=False
-        )
+        for part, rank, stream, seen in zip(parts, ranks, _PART_STREAMS, chosen, strict=False)
     ]
+    debris, debris_smallest = list[_LooseRocks](), 0.0
+    if rocks.debris > 0:
+        seen_m = [np.zeros(len(diameter))] + ([far.smallest_rad * far.diameter_m / far.angle_rad] if far else [])
+        room = None if most_seen is None else most_seen - sum(len(each.diameter_m) for each in loose)
+        debris, debris_smallest = _draw_debris(rocks, seed, heights, clear_m, parts, kept, seen_m, room)
     # For few rocks, finding the ground takes the same time for any number, so the ground is found once for all.
-    together = loose if most_seen is None else [_join(loose)]
-    return _Drawn(tuple(together), smallest, far.smallest_rad if far else 0.0)
+    laid, shed = (tuple(each if most_seen is None or not each else [_join(each)]) for each in (loose, debris))
+    return _Drawn(laid, shed, smallest, far.smallest_rad if far else 0.0, debris_smallest)
+
+
+def _draw_debris(
+    rocks: RocksSettings,
+    seed: int,
+    heights: tuple[float, ...],
+    clear_m: tuple[float, float, float],
+    parts: list[tuple[Array, Array]],
+    kept: list[Array],
+    seen_m: list[Array],
+    most_seen: int | None,
+) -> tuple[list[_LooseRocks], float]:
+    """The debris of the rocks of all ``parts``, before it lies on a ground, and the smallest diameter within the limit
+    on its number. Fragments of rocks that are not ``kept`` are left out, and those below ``seen_m`` (n,) of each
+    rock."""
+    shed = []
+    for (xy, diameter), stream, least in zip(parts, _PART_STREAMS, seen_m, strict=False):
+        posed = _pose_rocks(
+            rocks, xy, diameter, np.zeros(len(xy)), make_generator(seed, "rocks", *stream, _POSES), heights, slice(None)
+        )
+        random = make_generator(seed, "rocks", *stream, _DEBRIS, _PLACES)
+        shed.append(shed_debris(rocks, diameter, _find_outlines(posed, slice(None))[0], least, random))
+    there = [keep[each.parent] for each, keep in zip(shed, kept, strict=True)]
+    found = [(each.places_m, each.diameter_m) for each in shed]
+    # Beyond the patch every fragment looks small.
+    ranks = [np.arange(len(each.parent)) + LEVEL_RANKS[-1] * (k > 0) for k, each in enumerate(shed)]
+    ranks[0] += np.searchsorted(-parts[0][1], -shed[0].diameter_m)
+    return [
+        _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _DEBRIS, _POSES), heights, seen)
+        for part, rank, stream, seen in zip(
+            found, ranks, _PART_STREAMS, _choose_seen(found, there, clear_m, most_seen), strict=False
+        )
+    ], max(each.smallest_m for each in shed)
 
 
 def _join(parts: list[_LooseRocks]) -> _LooseRocks:
@@ -320,7 +384,7 @@ def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array
     if not is_masked(rocks):
         return [np.ones(len(xy), bool) for xy in parts]
     mask = PaintedMask(read_mask(absolute_path(rocks.mask_file, "rocks.mask_file")), size_m)
-    chances = (make_generator(seed, "rocks", *part, _MASK) for part in ((), (_BEYOND,)))
+    chances = (make_generator(seed, "rocks", *part, _MASK) for part in _PART_STREAMS)
     return [
         np.asarray(chance.random(len(xy)) < mask.shares(xy[:, 0], xy[:, 1]))
         for xy, chance in zip(parts, chances, strict=False)
@@ -338,7 +402,10 @@ def _choose_seen(
         for (xy, d), there in zip(parts, kept, strict=True)
     ]
     every = np.concatenate(looks)
-    least = 0.0 if most is None or len(every) <= most else max(float(np.partition(every, -most)[-most]), 0.0)
+    if most is None or len(every) <= most:
+        least = 0.0
+    else:
+        least = max(float(np.partition(every, -most)[-most]), 0.0) if most else math.inf
     masks = [look >= least for look in looks]
     return masks[0], masks[-1]
 
@@ -370,7 +437,7 @@ def _pose_rocks(
     rank: Array,
     random: np.random.Generator,
     heights: tuple[float, ...],
-    chosen: Array,
+    chosen: Array | slice,
 ) -> _LooseRocks:
     """The ``chosen`` (n,) rocks of given positions (n, 2), diameters and ranks in size. A rock's pose does not depend
     on which others are chosen."""

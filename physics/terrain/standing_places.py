@@ -77,6 +77,7 @@ class RockyGround:
             self.shapes,
             _NO_CIRCLE,
             make_view_beyond(self.settings),
+            skirted=self.heights,
         )
 
     def clearance_m(self, x_m: float, y_m: float) -> float:

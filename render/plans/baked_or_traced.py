@@ -18,6 +18,7 @@ from ...physics.camera.eyes import find_light_px
 from ...physics.light.baked_rocks import POINTS_BY_DETAIL
 from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.rig.seen_points import is_in_view
+from ...physics.rocks.debris import count_debris
 from ...physics.rocks.place_rocks import LEVEL_RANKS
 from ...physics.rocks.rock_table import TABLE
 from ...physics.rocks.size_laws import make_size_law
@@ -46,6 +47,8 @@ _CORNERS_PER_GRID_VERTEX, _CORNERS_PER_VERTEX, _CORNERS_PER_TRIANGLE = 4.0, 6.0,
 _S_PER_ROCK_POINT = 2.5e-4
 #: Ratio of all rocks to the rocks on the patch, if there are rocks beyond the patch.
 _FAR_ROCKS_FACTOR = 2.8
+#: Parts of the law of sizes in which fragments are counted.
+_LAW_PARTS = 1024
 #: Processor seconds per million pixels and sample that images on the ground add, and that a mesh's own image adds.
 _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
 #: Bytes in a file of baked light: of a vertex with light, and of a rock.
@@ -175,7 +178,17 @@ def _count_rocks(settings: Settings) -> float:
         return float(rocks.most)
     far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
     of_the_patch = make_size_law(rocks).total_per_m2 * settings.terrain.size_m**2
-    return min(float(rocks.most), of_the_patch * (_FAR_ROCKS_FACTOR if far else 1.0))
+    count = min(float(rocks.most), of_the_patch * (_FAR_ROCKS_FACTOR if far else 1.0))
+    return count + (_count_fragments(settings) if rocks.debris > 0 else 0.0)
+
+
+def _count_fragments(settings: Settings) -> float:
+    """Fragments around the rocks on the patch, from diameters in the middles of equal parts of the law."""
+    rocks, law = settings.rocks, make_size_law(settings.rocks)
+    area = settings.terrain.size_m**2
+    count = min(float(rocks.most), law.total_per_m2 * area)
+    parts = (np.arange(_LAW_PARTS) + 0.5) / _LAW_PARTS * count / area
+    return min(float(rocks.debris_most), count * float(count_debris(rocks, law.diameter_m(parts)).mean()))
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:

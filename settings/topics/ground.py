@@ -128,7 +128,7 @@ class TerrainLayer(Table):
 
     __slots__ = ()
     basis: Literal[
-        "GRADIENT", "MIDPOINT", "CELLS", "VORONOI_F1", "VORONOI_F2", "VORONOI_F2_F1", "CRACKLE"
+        "GRADIENT", "MIDPOINT", "CELLS", "VORONOI_F1", "VORONOI_F2", "VORONOI_F2_F1", "CRACKLE", "BROKEN"
     ] = choice("Basis", "GRADIENT", "Type of noise that the layer is made of", "geometry",
         ("GRADIENT", "Gradient Noise", "Rounded hills (Perlin)"),
         ("MIDPOINT", "Mid-Point", "Midpoint displacement: straight slopes between random points"),
@@ -136,7 +136,8 @@ class TerrainLayer(Table):
         ("VORONOI_F1", "Voronoi F1", "Distance to the nearest random point: cones"),
         ("VORONOI_F2", "Voronoi F2", "Distance to the second nearest random point"),
         ("VORONOI_F2_F1", "Voronoi F2-F1", "Zero on the edges between cells, highest at their points"),
-        ("CRACKLE", "Crackle", "Flat plates separated by narrow cracks"))
+        ("CRACKLE", "Crackle", "Flat plates separated by narrow cracks"),
+        ("BROKEN", "Broken Ice", "Convex pieces with plane faces that meet at edges"))
     fractal: Literal[
         "FBM", "MULTIFRACTAL", "HYBRID", "RIDGED", "HETERO", "TURBULENCE", "CRESTS"
     ] = choice("Fractal", "FBM", "How the octaves are combined", "geometry",

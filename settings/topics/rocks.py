@@ -23,6 +23,7 @@ from .relevance import chosen, positive
 
 SHAPE = Section("shape", "Shape", "Shape, tilt and burial of each rock")
 PLACE = Section("place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number")
+DEBRIS = Section("debris", "Debris", "Fragments around each rock")
 SKIRTS = Section("skirts", "Skirts", "Loose material at the feet of rocks", shown=PROCEDURAL)
 
 
@@ -119,6 +120,25 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "Drift's Origin", 0.0, -360.0, 360.0, "Direction from which the material came, from north (+Y) over east "
         "(+X). Drifts lie on the other side of each rock", "geometry", section=SKIRTS, active=positive("skirt"),
         since="0.4")
+    debris: float = fraction(
+        "Share", 0.0, "Volume of the fragments around each rock as a share of the volume of the rock, if all have one "
+        "shape; 0 for none", "geometry", high=0.5, section=DEBRIS, since="0.4")
+    debris_smallest_m: float = metres(
+        "Smallest Fragment", 0.02, 1.0e-3, 10.0, (0.005, 0.2), "Diameter of the smallest fragments. The largest ones "
+        "have 0.3 times the diameter of their rock", "geometry", section=DEBRIS, active=positive("debris"),
+        since="0.4")
+    debris_index: float = number(
+        "Fragment Index", 2.5, 0.5, 6.0, (1.5, 3.5), "Exponent of the cumulative power law N(>d) ~ d^-index of the "
+        "fragments of a rock. Broken rocks have about 2.5", "geometry", section=DEBRIS, active=positive("debris"),
+        since="0.4")
+    debris_reach: float = number(
+        "Reach", 1.0, 0.0, 10.0, (0.2, 3.0), "Mean distance of the coarsest fragments from the outline of their rock "
+        "over half the diameter of the rock. Fines stay closer", "geometry", section=DEBRIS,
+        active=positive("debris"), since="0.4")
+    debris_most: int = number(
+        "Maximum Fragments", 100000, 0, 1000000, (0, 200000), "Maximum number of fragments on the patch, and again "
+        "beyond it. Above it the smallest ones are left out, with a warning", "geometry", "rocks", section=DEBRIS,
+        active=positive("debris"), since="0.4")
     own_surface: bool = tick(
         "Own Surface", False, "Make rocks from the settings of Rock Ice instead of the ground's", "material",
         section=ELSEWHERE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 MASK = 0xFFFFFFFF
 
@@ -43,6 +44,24 @@ def value_noise(x: float, y: float, key: int) -> float:
         for i in (0, 1)
         for j in (0, 1)
     )
+
+
+def broken_noise(x: float, y: float, key: int, planes: Sequence[Sequence[Sequence[float]]]) -> float:
+    """The highest of the pieces of 9 x 9 squares, each the lowest of its planes, and a floor at -1. ``planes`` are the
+    slopes east and north and the nearness of the top and the five sides of each kind."""
+    highest = 0.0
+    for column in range(math.floor(x) - 4, math.floor(x) + 5):
+        for row in range(math.floor(y) - 4, math.floor(y) + 5):
+            h = hashed(column, row, key)
+            dx, dy = x - column - (h & 1023) / 1024, y - row - (h >> 10 & 1023) / 1024
+            middle = (h >> 20 & 63) / 64 * 1.5
+            # A side is so near that the piece ends at a distance of 1, also half way between two sides.
+            room = 6.6 * math.cos(math.radians(36 * 1.4)) - middle
+            top, *sides = planes[h >> 26]
+            heights = [middle + top[0] * dx + top[1] * dy]
+            heights += [middle + room * near + east * dx + north * dy for east, north, near in sides]
+            highest = max(highest, min(heights))
+    return highest - 1.0
 
 
 def points_near(x: float, y: float, key: int, squares: int = 5) -> list[tuple[float, float, float, int, int]]:

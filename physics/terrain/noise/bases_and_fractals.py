@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....support.arrays import Array, Numbers
+from .broken import broken_noise
 from .lattice_noise import cell_noise, gradient_noise, value_noise
 from .voronoi import nearest_distances
 
@@ -34,6 +35,7 @@ BASES: dict[str, Noise] = {
     "VORONOI_F2": _noise_from_distances(lambda f1, f2: f2),
     "VORONOI_F2_F1": _noise_from_distances(lambda f1, f2: f2 - f1),
     "CRACKLE": _noise_from_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
+    "BROKEN": broken_noise,
 }
 
 

@@ -95,6 +95,31 @@ def test_a_skirt_moves_no_rock_and_leaves_no_gap(more):
     assert (highest > 0.0).mean() > 0.9  # a skirt of a larger neighbour buries a small rock
 
 
+@pytest.mark.parametrize("more", [{}, DUG], ids=str)
+def test_debris_follows_the_rocks_and_rests_on_skirts(more):
+    patch = {
+        "terrain": {"size_m": 6.0, "resolution": 257},
+        "rocks": {"coverage": 0.1, "smallest_m": 0.3, "skirt": 0.3, "burial": 0.0},
+    }
+    rocks = corners(carrier(scenes.build_scene(empty_scene(), complete(patch, more))).data)
+    asked = {"rocks": {"debris": 0.1, "debris_smallest_m": 0.03, "debris_most": 300}}
+    built = scenes.build_scene(empty_scene(), complete(patch, more, asked))
+    mesh, first = carrier(built).data, len(rocks)
+    found, labels = corners(mesh), np.empty(len(mesh.vertices), np.float32)
+    mesh.attributes[INSTANCE_ATTRIBUTE].data.foreach_get("value", labels)
+    assert first > 10
+    assert 250 < len(found) - first <= 300
+    assert np.array_equal(labels, FIRST_ROCK_INSTANCE + np.arange(len(found)))
+    assert np.array_equal(found[:first], rocks)
+    points = [corners(mesh) @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in instances(built)][first:]
+    with probe_heights(built.terrain) as height_at:
+        gaps = np.concatenate(points)[:, 2] - height_at(*np.concatenate(points)[:, :2].T)
+    lowest, highest = (f.reduceat(gaps, np.cumsum([0, *map(len, points)])[:-1]) for f in (np.fmin, np.fmax))
+    assert np.nanmax(lowest) <= 1e-4  # positions are in single precision
+    assert (highest > 0.0).all()
+    assert any("Debris under" in warning and "300 fragments" in warning for warning in built.warnings)
+
+
 def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     built = scenes.build_scene(empty_scene(), complete(STREWN))
     found = instances(built)

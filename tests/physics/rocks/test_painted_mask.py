@@ -26,9 +26,11 @@ def saved(path: Path, values: object) -> Path:
     return path
 
 
-def strewn(mask: Path | None, *, beyond: ViewBeyond | None = None, most_seen: int | None = None) -> Rocks:
-    text = {"mask_file": str(mask)} if mask else {}
-    rocks = merged(defaults(), {"rocks": {"coverage": 0.04, "smallest_m": 0.15, "clustering": 0.3, **text}}).rocks
+def strewn(
+    mask: Path | None, *, beyond: ViewBeyond | None = None, most_seen: int | None = None, debris: float = 0.0
+) -> Rocks:
+    changes = {"debris": debris, **({"mask_file": str(mask)} if mask else {})}
+    rocks = merged(defaults(), {"rocks": {"coverage": 0.04, "smallest_m": 0.15, "clustering": 0.3, **changes}}).rocks
     shapes = make_rock_shapes(rocks.family, rocks.angularity, 5)
     return scatter_rocks(
         rocks, SIZE_M, 5, lambda x, y: 0.1 * x + 0.0 * y, shapes, (0.0, 0.0, -math.inf), beyond, most_seen
@@ -59,6 +61,23 @@ def test_between_centres_a_mask_is_bilinear_and_beyond_it_stays():
 
 def test_one_pixel_is_one_value():
     assert PaintedMask(np.array([[0.25]]), SIZE_M).shares(np.array([-30.0, 3.0]), np.zeros(2)).tolist() == [0.25] * 2
+
+
+def test_rocks_that_a_mask_removes_take_their_debris_along(tmp_path):
+    without = strewn(None, debris=0.1)
+    half = np.zeros((2, 2))
+    half[0] = 1.0  # the north
+    some = strewn(saved(tmp_path / "north.npy", half), debris=0.1)
+    there = is_among(some, without)
+    rocks, debris = there[: without.debris_start], there[without.debris_start :]
+    assert some.debris_start == rocks.sum()
+    # Fragments lie within decimetres of their rocks, which are all there in the north and all gone in the south.
+    y = without.position_m[without.debris_start :, 1]
+    assert debris[y >= SIZE_M / 4 + 2.0].all()
+    assert not debris[y <= -SIZE_M / 4 - 2.0].any()
+    assert 100 < debris.sum() < len(debris) - 100
+    black = strewn(saved(tmp_path / "black.npy", np.zeros((3, 7))), debris=0.1)
+    assert len(black.level) == 0
 
 
 def test_what_stays_is_as_without_the_mask(tmp_path):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from icymoon.physics.rocks.place_rocks import scatter_rocks
+from icymoon.physics.rocks.rock_shapes import make_rock_shapes
 from icymoon.physics.scene_requirements import find_why_not_baked, is_baked
 from icymoon.render.plans.baked_or_traced import (
     choose_indirect,
     estimate_bake_seconds,
+    estimate_light_bytes,
     find_break_even,
     resolve_auto_indirect,
 )
@@ -80,6 +83,22 @@ def test_light_of_a_planet_is_baked_too_and_takes_as_long_as_that_of_the_sun():
     with_planet = described({"light": {"planet": True, "stars": True}, "quality": {"indirect": "BAKED"}})
     assert is_baked(with_planet)
     assert estimate_bake_seconds(with_planet) == pytest.approx(2 * estimate_bake_seconds(described()))
+
+
+@pytest.mark.parametrize("most", [100_000, 2000])
+def test_baked_light_counts_the_fragments_that_are_scattered(most):
+    rocks = {"coverage": 0.1, "smallest_m": 0.1, "largest_m": 1.0, "debris": 0.1, "debris_most": most}
+    without, found = (
+        estimate_light_bytes(described({"rocks": {**rocks, "debris": share}, "light": {"planet": False}}))
+        for share in (0.0, 0.1)
+    )
+    settings = described({"rocks": rocks})
+    shapes = make_rock_shapes(settings.rocks.family, settings.rocks.angularity, 1)
+    size_m = settings.terrain.size_m
+    made = scatter_rocks(settings.rocks, size_m, 1, lambda x, y: 0.0 * x, shapes, (0.0, 0.0, -np.inf))
+    fragments = len(made.diameter_m) - made.debris_start
+    # A fragment takes as many bytes as a rock, 140. Volumes and so counts vary with the few largest rocks.
+    assert (found - without) / 140.0 == pytest.approx(fragments, rel=0.05)
 
 
 def test_rocks_are_baked_too_and_take_longer_the_more_there_are():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon.physics.terrain.noise import lattice_noise, voronoi
+from icymoon.physics.terrain.noise import broken, lattice_noise, voronoi
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION, structure_function
 
@@ -27,6 +27,7 @@ SCALAR = {
     "CRACKLE": lambda x, y, key: 2
     * min(10 * (reference.points_near(x, y, key)[1][0] - reference.points_near(x, y, key)[0][0]), 1.0)
     - 1,
+    "BROKEN": lambda x, y, key: reference.broken_noise(x, y, key, broken._PLANES.tolist()),
 }
 
 
@@ -154,3 +155,30 @@ def test_noise_in_space_is_bounded_smooth_and_zero_on_the_lattice():
     assert np.abs(lattice_noise.gradient_noise_3d(np.rint(points), 4)).max() == 0.0
     moved = lattice_noise.gradient_noise_3d(points + 1e-6, 4)
     assert np.abs(moved - values).max() < 2e-5
+
+
+def test_pieces_of_broken_ice_have_plane_faces_and_no_steps():
+    x, y = np.random.default_rng(2).uniform(-200, 200, (2, 100_000))
+    step = 1e-3
+    at = [broken.broken_noise(x + k * step, y + 0.7 * k * step, 9) for k in (-1, 0, 1)]
+    # No steps, also between squares: a side falls by 6.6 per square, and a line is 1.22 steps long.
+    slope = np.abs(at[2] - at[1]) / step
+    assert slope.max() < 6.6 * math.hypot(1.0, 0.7) * (1 + 1e-6)
+    # Plane but for the edges. A line of 2.4e-3 crosses one with a chance of 2 / pi times its length, for each square of
+    # edges in a square; ten squares' lengths are more than nine pieces can show.
+    bend = np.abs(at[0] - 2 * at[1] + at[2]) / step
+    assert (bend > 1e-6).mean() < 2 / math.pi * 2.44e-3 * 10
+    # Faces and not only floor.
+    assert 0.05 < (at[1] == -1.0).mean() < 0.5
+    assert (slope > 4.0).mean() > 0.1
+
+
+def test_the_sides_of_a_piece_are_around_it_and_steep():
+    planes = broken._PLANES
+    tops, sides = planes[:, 0], planes[:, 1:]
+    assert np.allclose(np.hypot(sides[..., 0], sides[..., 1]), 6.6, rtol=1e-6)
+    assert np.hypot(tops[:, 0], tops[:, 1]).max() <= 1.35
+    turn = np.sort(np.arctan2(sides[..., 1], sides[..., 0]), axis=1)
+    gaps = np.diff(np.concatenate([turn, turn[:, :1] + 2 * np.pi], axis=1), axis=1)
+    # The condition under which no piece reaches a square that is not next to its own.
+    assert gaps.max() <= 2 * math.pi / 5 * 1.4 + 1e-6
