@@ -394,8 +394,8 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
         sky = compute_scene_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
         return [str(error)]
-    keeps_disc = not built.edited_parts("planet data")
-    old = update_lights(built.sun, built.collection, settings, sky, keeps_disc)
+    keeps = not built.edited_parts("planet data", "planet materials", "planetshine data")
+    old = update_lights(built.sun, built.collection, settings, sky, keeps)
     scenes.remove_objects(old)
     for item in [item for item in built.collection.all_objects if item.get(TAG) in ROLES]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])

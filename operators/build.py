@@ -20,7 +20,7 @@ from ..support.number_text import format_count
 from . import shadow_warning, view_exposure, view_resolution
 from .coloured_views import hide_colours
 from .operator_type import OperatorMixin
-from .session import session
+from .session import SIDES, session
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
 from .window_areas import list_areas, override_area, pause_rendered_views
@@ -222,6 +222,7 @@ def build_and_show(
     frame_and_expose(scene, built.settings, before)
     view_resolution.begin_coarse(scene)
     session.picture.remove()
+    session.preview_side = SIDES[0]
     shadow_warning.schedule_check(scene)
     hidden = 0
     if not bpy.app.background:

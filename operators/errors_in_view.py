@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from ..render.workers.watched_thread import Calculation
 from ..settings import change_announcements
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
-from ..stereo.ground_errors import DepthErrors, read_depth_errors
+from ..stereo.ground_errors import read_depth_errors
 from ..stereo.matchers.methods import describe_method
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
@@ -90,9 +90,9 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
         self._scene_uid = scene.session_uid
         self._method = self.method or next(iter(list_methods_with_disparities(scene)), "")
         leave_edit_mode()  # a mesh that is being edited has no attributes
-        built, found = _read_errors(scene, self._method)
+        built, sources = _find_errors(scene, self._method)
         meshes = painted_errors.read_meshes(built)
-        work = partial(painted_errors.find_errors, meshes, found, scene.icymoon.error_range_m)
+        work = partial(_compute_errors, meshes, sources, scene.icymoon.error_range_m)
         return Job(self.bl_label, Calculation(work, "the errors", reports=True), if_stopped="nothing is painted")
 
     def report_success(self, context: bpy.types.Context) -> None:
@@ -108,9 +108,9 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
         self.report({"INFO"}, show_controls(f"Depth errors of {title} painted on the ground"))
 
 
-def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
-    """Read the built scene, and a matcher's errors on its evaluated pairs: those of the present settings, else pairs of
-    the same ground and cameras.
+def _find_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[tuple[Path, Path]]]:
+    """Find the built scene, and folder and disparities of its evaluated pairs: those of the present settings, else
+    pairs of the same ground and cameras.
 
     Raises IcyMoonError if there is no such pair.
     """
@@ -119,9 +119,18 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
     built = find_current_build(scene)
     pairs = pairs_folder(find_measured_dataset(scene))
-    return built, [
-        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, pairs, sorted(files))
-    ]
+    return built, [(pairs / name, files[name]) for name in find_shown_pairs(scene, built, pairs, sorted(files))]
+
+
+def _compute_errors(
+    meshes: painted_errors.MeshesToPaint,
+    sources: Sequence[tuple[Path, Path]],
+    full_m: float,
+    report: Callable[[float, str], object],
+) -> painted_errors.FoundErrors:
+    """Read the depth errors of pairs, and find those of the vertices; a thread calls this, since reading takes long."""
+    found = [read_depth_errors(folder, file) for folder, file in sources]
+    return painted_errors.find_errors(meshes, found, full_m, report)
 
 
 def find_current_build(scene: bpy.types.Scene) -> scenes.Built:

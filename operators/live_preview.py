@@ -25,8 +25,9 @@ from .sidebar_text import find_light, find_sky_fault, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
 
-#: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
-BUDGET_S = 0.08
+#: Seconds that an update of the ground may take: an update may take some more than the one before, and below 0.1 s the
+#: window seems to follow at once.
+BUDGET_S = 0.06
 _SHOWN_EFFECTS = {"geometry", "material", "light", "lander", "camera"}
 _NO_SKY = "The light is as before: see Light"  # the panel that shows the reason
 

@@ -28,7 +28,7 @@ from ..support.steps import Steps
 from . import jobs, view_resolution
 from .build import find_views_through, look_through
 from .full_undo import require_full_undo
-from .session import session
+from .session import SIDES, session
 from .window_areas import find_scene, pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
 from .work_in_pieces import WorkInPieces
@@ -172,6 +172,7 @@ def _put_refined(built: scenes.Built, of: Settings, made: MadeObjects) -> None:
     with pause_rendered_views():
         fine = scenes.put_in_scene(built.scene, of, made)
     look_through(views, fine)
+    session.preview_side = SIDES[0]
     settings = scene_properties.read_settings(fine.scene.icymoon)
     if fine.scene.icymoon.live and scenes.list_changed_settings(fine, settings):
         preview.show_settings(fine, settings, session.preview_side)

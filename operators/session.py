@@ -66,7 +66,7 @@ class Session:
     to_trace: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose shadow will be traced
     shadow_notes: dict[int, str] = field(default_factory=dict)  # notes on dark views, by ``session_uid``
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
-    preview_side: int = SIDES[1]
+    preview_side: int = SIDES[0]  # coarse at first, since the first step of a slider also replaces the built ground
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
     traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
     #: The clock's and the processor's seconds when the load of this Blender was measured last.

@@ -21,6 +21,7 @@ from ...support.blender import compat
 from ...support.file_schemas import NUMBER, Each
 from ..datablocks.stored_json import read_stored
 from ..tree.builder import WHITE, Socket, Tree, Value
+from ..tree.followed_tree import FollowedTree, OtherTreeError
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
 _HAPKE_INPUTS = {
@@ -32,23 +33,21 @@ _HAPKE_INPUTS = {
 MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 
 
-def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Object:
+def build_planet_light(
+    name: str, planet: Planet, colour: Array, former: bpy.types.Object | None = None
+) -> bpy.types.Object:
     """A Sun lamp with the angular size of the planet's equator, which shines where the planet is sunlit.
 
     A Sun lamp of energy E and angular radius r has the radiance E / (π sin² r) times the strength of its shader. The
-    shadow of the rings darkens the whole disc evenly.
+    shadow of the rings darkens the whole disc evenly. The lamp of a ``former`` light is kept if only values differ.
     """
-    lamp = bpy.data.lights.new(name, "SUN")
+    lamp = former.data if former is not None and _follow_planet(former.data, planet) else _build_lamp(name, planet)
     lamp.color = tuple(map(float, colour))
     compat.disable_light_factors(lamp)
     lamp.angle = math.radians(planet.angular_diameter_deg)
     lamp.energy = (
         make_ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi * math.sin(lamp.angle / 2) ** 2
     )
-    tree = Tree(compat.ensure_light_nodes(lamp))
-    light = tree.emission("Planet", WHITE, _add_sunlit(tree, planet))
-    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light}, target="ALL")
-    tree.arrange()
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
     item.location = planet.direction * 10.0  # only moves the symbol in the viewport
@@ -67,6 +66,26 @@ def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Ob
     )
     item[MEAN] = find_mean_direction(planet).tolist()
     return item
+
+
+def _build_lamp(name: str, planet: Planet) -> bpy.types.Light:
+    lamp = bpy.data.lights.new(name, "SUN")
+    _fill_tree(Tree(compat.ensure_light_nodes(lamp)), planet)
+    return lamp
+
+
+def _follow_planet(lamp: bpy.types.Light, planet: Planet) -> bool:
+    try:
+        _fill_tree(FollowedTree(lamp.node_tree), planet)
+    except OtherTreeError:
+        return False
+    return True
+
+
+def _fill_tree(tree: Tree, planet: Planet) -> None:
+    light = tree.emission("Planet", WHITE, _add_sunlit(tree, planet))
+    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light}, target="ALL")
+    tree.arrange()
 
 
 def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:

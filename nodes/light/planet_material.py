@@ -24,6 +24,7 @@ from ...physics.light.planetshine import Planet, make_ellipsoid
 from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import WHITE, Socket, Tree, Triple, Value, find_output
+from ..tree.followed_tree import FollowedTree, OtherTreeError
 
 #: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and the ratio of the wavelengths
 #: along and across the bands.
@@ -39,7 +40,22 @@ def build_planet_material(
     ``transmission`` names the attribute of the mesh that has the share of the light from behind that passes.
     """
     material = bpy.data.materials.new(name)
-    tree = Tree(compat.ensure_nodes(material))
+    _fill_tree(Tree(compat.ensure_nodes(material)), planet, colour, distance_m, transmission)
+    return material
+
+
+def follow_planet(
+    material: bpy.types.Material, planet: Planet, colour: Array, distance_m: float, transmission: str
+) -> bool:
+    """Give the material of a planet the values for another Sun; False if it needs other nodes."""
+    try:
+        _fill_tree(FollowedTree(material.node_tree), planet, colour, distance_m, transmission)
+    except OtherTreeError:
+        return False
+    return True
+
+
+def _fill_tree(tree: Tree, planet: Planet, colour: Array, distance_m: float, transmission: str) -> None:
     globe = _Globe(tree, planet, distance_m)
     face = FACES.get(planet.face)
     if face is None:
@@ -53,7 +69,6 @@ def build_planet_material(
     behind = tree.transparent("Behind", WHITE)
     tree.surface(tree.over("Limb", passed, tree.emission("Shine", light, strength), behind))
     tree.arrange()
-    return material
 
 
 class _Globe:
@@ -157,14 +172,10 @@ def _add_bands(globe: _Globe, face: Face) -> Socket:
             "MULTIPLY", "Ripple", tree.math("SUBTRACT", "Around 0", noise, 0.5), math.radians(face.ripple_deg) / 0.1
         )
         sine = tree.math("ADD", "Rippled Latitude", sine, wave)
-    ramp = tree.node("ShaderNodeValToRGB", "Bands", {"Fac": tree.math("MULTIPLY_ADD", "Pole to Pole", sine, 0.5, 0.5)})
-    elements = ramp.color_ramp.elements  # at first two, at 0 and 1
-    for height in face.sine[1:-1]:
-        elements.new((height + 1) / 2)
-    for element, bands in zip(elements, face.reflectance, strict=True):
-        element.color = (*bands, 1.0)
-    ramp.color_ramp.interpolation = "LINEAR"
-    return find_output(ramp, "Color")
+    place = tree.math("MULTIPLY_ADD", "Pole to Pole", sine, 0.5, 0.5)
+    return find_output(
+        tree.bands("Bands", place, [(height + 1) / 2 for height in face.sine], face.reflectance), "Color"
+    )
 
 
 def _add_spot(globe: _Globe, spot: Spot, pattern: Socket) -> Socket:

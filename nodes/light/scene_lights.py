@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> Iter
     sun[TAG], sun.lightgroup = "sun", "Sun"
     _place_sun(sun, settings, sky)
     yield sun
-    yield from _build_lights_but_sun(settings, sky, camera)
+    yield from _build_lights_but_sun(settings, sky, camera, {})
 
 
 def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
@@ -98,18 +98,18 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
 
 
 def update_lights(
-    sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky, keeps_disc: bool
+    sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky, keeps: bool
 ) -> list[bpy.types.Object]:
     """Change an existing Sun to the settings, and make the other lights again.
 
-    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. With
-    ``keeps_disc`` a planet of the same disc keeps its mesh.
+    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove. With ``keeps`` a
+    planet of the same disc keeps its mesh, and planet and planetshine keep their nodes if only values differ.
     """
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
     camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
-    planet = next((item for item in old if item.get(TAG) == "planet"), None) if keeps_disc else None
-    for item in list(_build_lights_but_sun(settings, sky, camera, planet)):
+    former = {item[TAG]: item for item in old} if keeps else {}
+    for item in list(_build_lights_but_sun(settings, sky, camera, former)):
         collection.objects.link(item)
     return old
 
@@ -120,16 +120,20 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
 
 
 def _build_lights_but_sun(
-    settings: Settings, sky: Sky, camera: bpy.types.Object, former_planet: bpy.types.Object | None = None
+    settings: Settings,
+    sky: Sky,
+    camera: bpy.types.Object,
+    former: Mapping[str, bpy.types.Object],
 ) -> Iterator[bpy.types.Object]:
     light = settings.light
     colour, pixel_rad = sun_colour(light.sun_temperature_k), 1 / focal_px(settings.rig)
     dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)
     if sky.planet is not None and sky.planet_is_up:
-        planet = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip, former_planet)
+        planet = build_planet(f"{NAME} Planet", sky.planet, colour, pixel_rad, dip, former.get("planet"))
         yield _finish_body(planet, "planet", camera, "Planet")
         if planet_gives_light(settings, sky):
-            shine = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
+            tint = colour * face_tint(sky.planet)
+            shine = build_planet_light(f"{NAME} Planetshine", sky.planet, tint, former.get("planetshine"))
             shine[TAG], shine.lightgroup = "planetshine", "Planet"
             yield shine
     rings = make_ring_mesh(sky.planet) if sky.planet is not None else None

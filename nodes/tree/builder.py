@@ -276,6 +276,20 @@ class Tree:
         node.mapping.update()
         return node.outputs[0]
 
+    def bands(
+        self, label: str, place: Value, positions: Sequence[float], colours: Sequence[Sequence[float]]
+    ) -> bpy.types.Node:
+        """Node of the colours (n, 3) at n positions from 0 to 1, the first and the last at the ends, with linear
+        interpolation at ``place``."""
+        node = self.node("ShaderNodeValToRGB", label, {"Fac": place})
+        elements = node.color_ramp.elements  # at first two, at 0 and 1
+        for position in positions[1:-1]:
+            elements.new(position)
+        for element, colour in zip(elements, colours, strict=True):
+            element.color = (*colour, 1.0)
+        node.color_ramp.interpolation = "LINEAR"
+        return node
+
     def arrange(self) -> None:
         """Arrange the nodes in columns by their distance from the outputs, always in the same way."""
         depth = {node.name: 0 for node in self.tree.nodes}

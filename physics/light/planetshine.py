@@ -9,7 +9,7 @@ the unit of length here.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -186,9 +186,25 @@ def _find_gauss_nodes(n: int) -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(n)
 
 
+@dataclass(frozen=True)
+class _CapInPlace:
+    """A visible cap, equal to others of the same shape and place, whatever their light."""
+
+    key: tuple[float, ...]
+    seen: VisibleCap = field(compare=False)
+
+
 def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
-    """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet."""
+    """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet. All who ask share the
+    arrays, which are read-only."""
     planet = seen.planet
+    key = planet.angular_diameter_deg, planet.flattening, *planet.pole.tolist(), *planet.direction.tolist()
+    return _make_nodes_in_place(_CapInPlace(key, seen), nodes)
+
+
+@lru_cache(maxsize=4)  # a slider of the Sun asks for the same planet's
+def _make_nodes_in_place(cap: _CapInPlace, nodes: int) -> CapNodes:
+    seen, planet = cap.seen, cap.seen.planet
     x, weight = _find_gauss_nodes(nodes)
     angle = seen.half_angle * (x + 1) / 2
     around = 2 * np.pi * (np.arange(2 * nodes) + 0.5) / (2 * nodes)
@@ -206,7 +222,10 @@ def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
         * (np.pi / nodes)
     )
     solid_angle = -((sphere @ seen.shape.stretch) * ray).sum(axis=-1) * area / distance**2
-    return CapNodes(sphere, ray, np.where(ray[..., 2] > 0, solid_angle, 0.0))
+    found = CapNodes(sphere, ray, np.where(ray[..., 2] > 0, solid_angle, 0.0))
+    for array in (found.sphere, found.ray, found.solid_angle):
+        array.flags.writeable = False
+    return found
 
 
 @lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times

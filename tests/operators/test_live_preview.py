@@ -30,7 +30,8 @@ SIDE = 33
 def watched(small, monkeypatch):
     """The small scene, built, as in a window: changes are shown at once and coarsely."""
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
-    monkeypatch.setattr(live_preview, "SIDES", (SIDE,))
+    for module in (live_preview, build):
+        monkeypatch.setattr(module, "SIDES", (SIDE,))
     monkeypatch.setattr(session, "preview_side", SIDE)
     small.icymoon.rocks.coverage = 0.05
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
@@ -560,6 +561,12 @@ def test_the_grid_is_as_fine_as_the_time_allows():
     assert live_preview.choose_next_side(sides[-1], 0.01 * live_preview.BUDGET_S) == sides[-1]
     # A step up that would be taken back at once is not taken.
     assert live_preview.choose_next_side(sides[0], 0.79 * live_preview.BUDGET_S) == sides[0]
+
+
+def test_the_first_step_after_a_build_is_the_coarsest(watched):
+    session.preview_side = 10 * SIDE
+    bpy.ops.icymoon.build_scene()
+    assert session.preview_side == SIDE
 
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):

@@ -37,7 +37,7 @@ def test_another_file_stops_all_jobs_and_forgets_all_else(sleeping):
     assert sleeping.process.returncode != 0
     assert sleeping.process.cancelled
     assert reading.process.cancelled
-    clocks = {"traced_since_s", "load_measured_s", "picture"}
+    clocks = {"traced_since_s", "load_measured_s", "picture", "changes"}
     assert {k: v for k, v in vars(session).items() if k not in clocks} == {
         k: v for k, v in vars(fresh).items() if k not in clocks
     }

@@ -12,7 +12,7 @@ from icymoon.physics.light.planet_face import (
     radiance_over_zenith,
     spot_axes,
 )
-from icymoon.physics.light.planetshine import Planet, irradiance_wm2
+from icymoon.physics.light.planetshine import Planet, VisibleCap, irradiance_wm2, make_cap_nodes
 from icymoon.physics.light.saturn_rings import RINGS
 from icymoon.physics.mesh.horizon import dip_deg
 from planet_radiance import face_radiance
@@ -167,3 +167,17 @@ def test_a_planet_that_is_new_or_has_no_light_is_dark_and_finite():
 def test_the_horizon_dips_by_the_angle_whose_cosine_is_the_ratio_of_radii(height, radius, dip):
     assert dip_deg(height, radius) == pytest.approx(math.degrees(math.acos(radius / (radius + height))), abs=1e-6)
     assert dip_deg(height, radius) == pytest.approx(dip, abs=1e-4)
+
+
+def test_the_shared_nodes_of_a_planet_do_not_depend_on_its_sun():
+    shown = planet("SATURN", flattening=0.0)
+    nodes = make_cap_nodes(VisibleCap(shown))
+    assert make_cap_nodes(VisibleCap(replace(shown, sun=unit(1.0, 0.0, 0.2)))) is nodes
+    elsewhere = unit(0.0, 0.6, 0.8)
+    moved = make_cap_nodes(VisibleCap(replace(shown, direction=elsewhere)))
+    cone_sr = 2 * math.pi * (1 - math.cos(math.radians(shown.angular_diameter_deg / 2)))
+    assert moved.solid_angle.sum() == pytest.approx(cone_sr, rel=1e-4)  # a globe above the horizon fills a cone
+    middle = (moved.ray * moved.solid_angle[..., None]).sum(axis=(0, 1))
+    assert middle / np.linalg.norm(middle) == pytest.approx(elsewhere, abs=1e-4)
+    with pytest.raises(ValueError, match="read-only"):
+        nodes.ray[0, 0, 0] = 1.0
