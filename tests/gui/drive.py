@@ -1584,10 +1584,10 @@ def scenes_files_and_undo() -> Waiting:
 #: Longest piece of the extension's own work by action, in seconds of the processor: about one and a half times the
 #: most that a busy machine measured on the two scenes; other actions take less than 0.2 s.
 LONGEST_S = {
-    "preset": 4.2,
-    "build": 3.0,
+    "preset": 0.4,
+    "build": 0.4,
     "slider of the ground": 0.9,
-    "slider of the Sun": 0.4,
+    "slider of the Sun": 0.3,
     "slider of the surface": 0.45,
     "render": 0.5,
     "evaluate": 0.5,
