@@ -11,6 +11,7 @@ from .relevance import chosen, ticked
 #: Laws of reflectance that use ``fine_relief``.
 _WITH_NORMAL = (chosen("surface.model", "LAMBERT", "PRINCIPLED")
                 | (ticked("rocks.own_surface") & chosen("rock_surface.model", "LAMBERT", "PRINCIPLED")))
+TRUTH = Section("truth", "Truth", "Truth that is rendered with the images, and how")
 INDIRECT = Section("indirect", "Indirect Light", "Light between parts of the ground, baked once for many images")
 
 
@@ -99,17 +100,17 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
             " without normals and labels of single rocks"),
         ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render unless the "
          "images are blurred or toed in"),
-        section=ADVANCED)
+        section=TRUTH)
     truth_by: Literal["RAYS", "CYCLES"] = choice(
         "Truth Method", "RAYS", "Method for truth that does not come with the images", "run",
         ("RAYS", "Rays",
             "Rays through the triangles that are rendered. Cycles renders the truth of scenes that rays cannot "
             "reproduce, and the pair states why"),
         ("CYCLES", "Cycles", "Four more renders, with shading normals beside those of facets"),
-        section=ADVANCED, since="0.3", before="CYCLES")
+        section=TRUTH, since="0.3", before="CYCLES")
     loose_thickness: bool = tick(
         "Loose Material", False, "Add the thickness of loose material above the hard ground to the full truth by rays: "
-        "snow in hollows, skirts of rocks and spoil, along the vertical", "sampling", section=ADVANCED,
+        "snow in hollows, skirts of rocks and spoil, along the vertical", "sampling", section=TRUTH,
         shown=chosen("truth", "FULL") & chosen("truth_by", "RAYS") & PROCEDURAL, since="0.4")
     device: Literal["CPU", "GPU"] = choice("Device", "CPU", "Processor that renders", "run",
         ("CPU", "CPU", "All processor cores"),

@@ -37,6 +37,7 @@ SALTS = Section("salts", "Salts", "Stains of salts")
 GRAIN = Section("grain", "Grains", "Relief that is finer than the mesh, and glints")
 INTERIOR = Section("interior", "Bubbles and Fractures", "Bubbles and fractures inside the ice")
 COVER = Section("cover", "Frost and Crust", "Frost and crust on the ice")
+FALL = Section("fall", "Falling Frost", "Origin of frost that falls, and the slopes that hold it")
 
 
 class SurfaceSettings(Table, label="Ice"):
@@ -94,7 +95,8 @@ class SurfaceSettings(Table, label="Ice"):
     trough_width_m: float = metres(
         "Width of Troughs", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Width of the square around each place whose mean height "
         "tells low ground, so that fines gather in each hollow and tops are clean; 0 for the mean plane of all ground",
-        "material", section=DIRT, active=of_topic("surface") & (nonzero("trough_dirt") | HOLLOW_LIGHT), since="0.4")
+        "material", zero="all ground", section=DIRT,
+        active=of_topic("surface") & (nonzero("trough_dirt") | HOLLOW_LIGHT), since="0.4")
     slope_dirt: float = signed(
         "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
         "level ground", "material", section=DIRT)
@@ -219,25 +221,25 @@ class SurfaceSettings(Table, label="Ice"):
     frost_from: Literal["VAPOUR", "FALL"] = choice(
         "Frost From", "VAPOUR", "Origin of the frost, which sets where it lies", "geometry",
         ("VAPOUR", "Vapour", "It forms in place, on level ice and on gentle slopes of all directions"),
-        ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, and "
-         "tops get caps. Walls and overhangs get none"),
-        section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.4")
+        ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, tops "
+         "get caps, and walls and overhangs get none"),
+        section=FALL, shown=PRINCIPLED, active=positive("frost_share"), since="0.4")
     frost_tilt_deg: float = degrees(
-        "Tilt of Fall", 0.0, 0.0, 80.0, "Angle between the vertical and the direction that the grains come from. 0 for "
-        "grains that fall straight down; a grain comes down as steeply as it left its vent", "geometry", (0.0, 60.0),
-        section=COVER, shown=PRINCIPLED, active=FALLEN, since="0.4")
+        "Tilt of Fall", 0.0, 0.0, 80.0, "Angle between the vertical and the direction that the grains come from; at 0 "
+        "they fall straight down. A grain comes down as steeply as it left its vent", "geometry", (0.0, 60.0),
+        section=FALL, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_azimuth_deg: float = degrees(
         "Origin of Fall", 0.0, -360.0, 360.0, "Direction that the grains come from, such as that of a vent, from north "
-        "(+Y) over east (+X)", "geometry", section=COVER, shown=PRINCIPLED, active=FALLEN & positive("frost_tilt_deg"),
+        "(+Y) over east (+X)", "geometry", section=FALL, shown=PRINCIPLED, active=FALLEN & positive("frost_tilt_deg"),
         since="0.4")
     frost_spread_deg: float = degrees(
         "Spread of Fall", 15.0, 0.0, 60.0, "Half of the width of the cone that the grains come from, which softens the "
         "edge of ground that rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
-        (0.0, 45.0), section=COVER, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
+        (0.0, 45.0), section=FALL, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
     frost_hold_deg: float = degrees(
         "Steepest Frost", 50.0, 15.0, 90.0, "Slope that holds half of the grains that fall on it; slopes that are 15 "
         "degrees steeper hold none. A guess: no slope of frost is known at 0.01 g", "material", (30.0, 75.0),
-        section=COVER, shown=PRINCIPLED, active=FALLEN, since="0.4")
+        section=FALL, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_patch_m: float = metres(
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")

@@ -217,7 +217,7 @@ def test_each_grey_field_has_a_reason(scene):
         reason = find_setting.explain_obstacle(topic, setting.key, settings)
         assert (reason == "") == used, f"{topic}.{setting.key}"
         named = reason != f"Unused by {TOPICS[topic].label}"
-        assert named or setting.key in {"emitted_from", "emitted_below"}, f"{topic}.{setting.key}"
+        assert named or setting.key in {"emitted_from", "emitted_below", "trough_width_m"}, f"{topic}.{setting.key}"
 
 
 def test_drawing_is_fast_after_the_first_time(scene):

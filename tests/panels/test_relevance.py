@@ -226,6 +226,8 @@ IDLE = {
 }
 #: Settings of skirts that have an effect only with skirts.
 _SKIRTS = {"skirt_repose_deg", "skirt_drift", "skirt_azimuth_deg"}
+#: What only rocks with debris use.
+_DEBRIS = {"debris_smallest_m", "debris_index", "debris_reach", "debris_most"}
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
@@ -400,27 +402,27 @@ CASES = [
         "rocks",
         {"rocks": {"coverage": 0.01}},
         "but",
-        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_SKIRTS},
+        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_DEBRIS, *_SKIRTS},
     ),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"shape_file", "file", *_SKIRTS}),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}}, "but", {"shape_file", "file"}),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"shape_file", "file", *_DEBRIS, *_SKIRTS}),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}}, "but", {"shape_file", "file", *_DEBRIS}),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "source": {"kind": "MESH"}},
         "but",
-        {"shape_file", "beyond_px", "file", "skirt", *_SKIRTS},
+        {"shape_file", "beyond_px", "file", "skirt", *_DEBRIS, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}},
         "but",
-        {"shape_file", "beyond_px", "file", *_SKIRTS},
+        {"shape_file", "beyond_px", "file", *_DEBRIS, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}},
         "but",
-        {"shape_file", "power_index", "file", *_SKIRTS},
+        {"shape_file", "power_index", "file", *_DEBRIS, *_SKIRTS},
     ),
     (
         "rocks",
@@ -436,6 +438,7 @@ CASES = [
             "cluster_blocks",
             "cluster_radius_m",
             "beyond_px",
+            *_DEBRIS,
             *_SKIRTS,
         },
     ),
@@ -443,7 +446,7 @@ CASES = [
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "family": "OWN"}},
         "but",
-        {"file", "angularity", *_SKIRTS},
+        {"file", "angularity", *_DEBRIS, *_SKIRTS},
     ),
     ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
     ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),
