@@ -219,8 +219,8 @@ class SurfaceSettings(Table, label="Ice"):
     frost_from: Literal["VAPOUR", "FALL"] = choice(
         "Frost From", "VAPOUR", "Origin of the frost, which sets where it lies", "geometry",
         ("VAPOUR", "Vapour", "It forms in place, on level ice and on gentle slopes of all directions"),
-        ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, and "
-         "tops get caps. Walls and overhangs get none"),
+        ("FALL", "Falling Grains", "Grains of a plume fall on parallel paths. Faces toward their origin get most, tops "
+         "get caps, and walls and overhangs get none"),
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.4")
     frost_tilt_deg: float = degrees(
         "Tilt of Fall", 0.0, 0.0, 80.0, "Angle between the vertical and the direction that the grains come from. 0 for "
