@@ -60,7 +60,7 @@ from .scene_objects import MadeObjects
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
-from .surface.sheltered_ground import mark_shelter
+from .surface.sheltered_ground import check_shelter, mark_shelter
 from .tree.builder import copy_values
 
 #: Maximum number of rocks on coarse ground, which are those that look largest.
@@ -237,6 +237,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
+    check_shelter(settings.surface)
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear_painted(built.scene)  # the painted errors are of the previous ground
     ground.show_in_mesh(built.terrain.data)

@@ -58,7 +58,7 @@ from .rig import build_rig
 from .surface import ground_and_rock_materials, reflectance_laws
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
-from .surface.sheltered_ground import mark_shelter
+from .surface.sheltered_ground import mark_shelter_in_steps
 
 
 @dataclass
@@ -222,7 +222,7 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
         yield None
     else:
-        mark_shelter(terrain.data, settings.surface)
+        yield from mark_shelter_in_steps(terrain.data, settings.surface)
     if settings.lander.kind != "NONE":
         made.objects += build_lander(settings, made.site_m, terrain)
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
@@ -255,7 +255,7 @@ def _add_rocks(made: MadeObjects, settings: Settings, ground: MeshedGround | Use
     else:
         with probe_heights(terrain) as height_at:
             shapes, rocks, moved = _place_rocks(settings, ground, height_at)
-    mark_shelter(terrain.data, settings.surface, rocks, shapes)
+    yield from mark_shelter_in_steps(terrain.data, settings.surface, rocks, shapes)
     ice = build_rock_material(settings, terrain.data)
     made.unfinished = [ice]
     yield None

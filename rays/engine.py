@@ -28,7 +28,17 @@ def open_tracer(
     if library is not None:
         return EmbreeTracer(library, world)
     if without_embree is None:
-        raise IcyMoonError(
-            f"{sys.executable} cannot trace rays, because it lacks Embree; run {sys.executable} -m pip install embreex."
-        )
+        raise _lack_embree()
     return without_embree(world)
+
+
+def require_embree(folders: Sequence[Path] = ()) -> None:
+    """Raise IcyMoonError unless ``open_tracer`` finds Embree."""
+    if _load_library(tuple(folders)) is None:
+        raise _lack_embree()
+
+
+def _lack_embree() -> IcyMoonError:
+    return IcyMoonError(
+        f"{sys.executable} cannot trace rays, because it lacks Embree; run {sys.executable} -m pip install embreex."
+    )

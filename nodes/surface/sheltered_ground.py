@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import bpy
 import numpy as np
@@ -11,15 +12,22 @@ from ...physics.rocks.place_rocks import Rocks, euler_matrices
 from ...physics.rocks.rock_shapes import RockShape
 from ...physics.scene_requirements import needs_shelter
 from ...physics.surfaces.fallen_frost import find_origin
-from ...rays.engine import open_tracer
+from ...rays.engine import open_tracer, require_embree
 from ...rays.exposure import find_exposed, list_directions
 from ...rays.shapes import Placed, Shape, World
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.blender import compat
+from ...support.steps import Steps, finish
 
 #: Attribute of vertices: the share of falling grains that other ground and rocks keep away. A mesh without it has none.
 SHELTERED = "icymoon_sheltered"
+
+
+def check_shelter(surface: SurfaceSettings) -> None:
+    """Raise IcyMoonError if ``surface`` settings need rays and none can be traced."""
+    if needs_shelter(surface):
+        require_embree(compat.list_library_folders())
 
 
 def mark_shelter(
@@ -28,25 +36,41 @@ def mark_shelter(
     rocks: Rocks | None = None,
     shapes: Sequence[Sequence[RockShape]] = (),
 ) -> None:
+    """As ``mark_shelter_in_steps``, at once."""
+    finish(mark_shelter_in_steps(mesh, surface, rocks, shapes))
+
+
+def mark_shelter_in_steps(
+    mesh: bpy.types.Mesh,
+    surface: SurfaceSettings,
+    rocks: Rocks | None = None,
+    shapes: Sequence[Sequence[RockShape]] = (),
+) -> Steps[None]:
     """Set the attribute ``SHELTERED`` of the ground's mesh if ``surface`` settings need it; otherwise remove it.
 
-    ``rocks`` of the ``shapes`` hide ground too. Raises IcyMoonError if no rays can be traced.
+    ``rocks`` of the ``shapes`` hide ground too. A thread may trace the rays. Raises IcyMoonError if none can be traced.
     """
     existing = mesh.attributes.get(SHELTERED)
     if not needs_shelter(surface):
         if existing is not None:
             mesh.attributes.remove(existing)
         return
-    ground = _read_shape(mesh)
+    exposed = yield partial(_find_exposed, _read_shape(mesh), surface, rocks, shapes)
+    attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
+    attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
+
+
+def _find_exposed(
+    ground: Shape, surface: SurfaceSettings, rocks: Rocks | None, shapes: Sequence[Sequence[RockShape]]
+) -> Array:
+    """Shares (n,) of the falling grains that reach the vertices of the ground."""
     world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *_place_rocks(rocks, shapes)])
     tracer = open_tracer(world, compat.list_library_folders())
     try:
         directions = list_directions(find_origin(surface), surface.frost_spread_deg)
-        exposed = find_exposed(world, tracer, ground.vertices, directions)
+        return find_exposed(world, tracer, ground.vertices, directions)
     finally:
         tracer.close()
-    attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
-    attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
 
 
 def _read_shape(mesh: bpy.types.Mesh) -> Shape:

@@ -474,6 +474,16 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
     assert built.camera.location.z == pytest.approx(near, abs=1e-3)
 
 
+def test_ground_stays_where_the_rays_of_falling_frost_cannot_be_traced(watched, monkeypatch):
+    monkeypatch.setattr("icymoon.rays.engine._load_library", lambda folders: None)
+    watched.icymoon.surface.model, watched.icymoon.surface.frost_share = "PRINCIPLED", 0.5
+    before = positions(scenes.find_built(watched).terrain)
+    watched.icymoon.terrain.rms_slope_deg = 25.0
+    built = change(watched, "surface.frost_from", "FALL")
+    assert np.array_equal(positions(built.terrain), before)
+    assert any("lacks Embree" in sentence for sentence in preview.read_notes(watched))
+
+
 def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
     built = scenes.find_built(watched)
     bpy.context.view_layer.objects.active = built.terrain
