@@ -15,7 +15,7 @@ from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
 from ..render.plans.planned_pair import PlannedPair
-from ..render.plans.render_order import DEFAULT_MOST_SCENES, choose_shard, choose_worker_count, order_pairs
+from ..render.plans.render_order import DEFAULT_MAX_SCENES, choose_shard, choose_worker_count, order_pairs
 from ..render.workers.assign_cards import choose_cards
 from ..render.workers.job_commands import python_command
 from ..render.workers.manifest import write_manifest
@@ -111,7 +111,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenes-per-worker",
         type=int,
-        default=DEFAULT_MOST_SCENES,
+        default=DEFAULT_MAX_SCENES,
         metavar="N",
         help="scenes after which a process is replaced by a fresh one (%(default)s)",
     )

@@ -34,7 +34,7 @@ from .calibration_advice import check_baseline, check_focal_length, describe_exc
 
 #: Largest angle between two eyes that count as parallel, rad, and largest offset from side by side, as a share of the
 #: baseline.
-MOST_TURN_RAD, MOST_OFFSET_SHARE = 1e-4, 1e-3
+MAX_TURN_RAD, MAX_OFFSET_SHARE = 1e-4, 1e-3
 #: Largest difference of two alike eyes in focal length, principal point and distortion, px over the image.
 ALIKE_PX = 0.5
 #: Largest relative difference of the focal lengths along x and y that counts as square pixels.
@@ -69,10 +69,10 @@ def find_why_calibrated(rig: CalibratedRig) -> str:
         return f"the eyes differ by up to {off:.3g} px in focal length, principal point and distortion"
     rotation, translation = rig.relative_pose()
     turned = float(np.linalg.norm(to_vector(rotation)))
-    if turned > MOST_TURN_RAD:
+    if turned > MAX_TURN_RAD:
         return f"the eyes are rotated relative to each other by {math.degrees(turned):.3g} degrees"
     x, y, z = (-rotation.T @ translation).tolist()
-    if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
+    if max(abs(y), abs(z)) > MAX_OFFSET_SHARE * abs(x):
         return f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it"
     return ""
 

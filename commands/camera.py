@@ -30,8 +30,8 @@ from ..support.suggestions import suggest_nearest
 from ..support.terminal import as_path
 from .calibrated_eyes import (
     ALIKE_PX,
-    MOST_OFFSET_SHARE,
-    MOST_TURN_RAD,
+    MAX_OFFSET_SHARE,
+    MAX_TURN_RAD,
     SQUARE_PIXEL_TOLERANCE,
     find_why_calibrated,
     make_calibrated_settings,
@@ -49,7 +49,7 @@ from .calibration_text import describe_rig
 
 #: Largest differences of two eyes that are averaged to one lens: of focal length and distortion as shares of the
 #: focal length, and of the principal point as a share of the width.
-_MOST_FOCAL, _MOST_CENTRE = 0.05, 0.05
+_MAX_FOCAL, _MAX_CENTRE = 0.05, 0.05
 #: Smaller coefficients of distortion come from rounding in the file.
 _NO_DISTORTION = 1e-9
 
@@ -438,10 +438,10 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses differ by {differ}"
     turned = _measure_angle_between(left.rectification, right.rectification)
-    if turned > MOST_TURN_RAD:
+    if turned > MAX_TURN_RAD:
         return f"the eyes are rotated relative to each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (find_position_m(right) - find_position_m(left)))
-    if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
+    if max(abs(y), abs(z)) > MAX_OFFSET_SHARE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
             "they are not side by side"
@@ -533,7 +533,7 @@ def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
 def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
     """The differences of two lenses that prevent one mean lens, in words; else empty."""
     focal, centre, bent = _measure_differences(left, right)
-    if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
+    if max(focal, bent) <= _MAX_FOCAL * left.focal_px and centre <= _MAX_CENTRE * width_px:
         return ""
     return f"{focal:.3g} px in focal length, {centre:.3g} px in principal point and {bent:.3g} px in distortion"
 
@@ -563,11 +563,11 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     first, second = left.rotation, right.rotation
     turned = _measure_angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
-    if turned > MOST_TURN_RAD:
+    if turned > MAX_TURN_RAD:
         raise IcyMoonError(
             f"{where}: the eyes are rotated relative to each other by {np.degrees(turned):.3g} degrees; {fix}."
         )
-    aside = max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x)
+    aside = max(abs(y), abs(z)) > MAX_OFFSET_SHARE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
             describe_exchanged(_name_eye(right, where), left.name or str(left.path), -x, (left.name, right.name))

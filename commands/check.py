@@ -44,7 +44,7 @@ _TEST_SCENE: Parts = {
 }
 #: Largest errors of a right installation: relative error of depth, from rounding to single precision; relative error of
 #: the mean light, from noise of samples and of the texture's mean; mean error in px of SGBM on a texture it can match.
-_MOST_ERRORS = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
+_MAX_ERRORS = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -107,6 +107,6 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
         ),
     }
     for key, (text, value, show) in found.items():
-        say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST_ERRORS[key])})")
-        if not value <= _MOST_ERRORS[key]:
-            yield f"the {text} is {show(value)}, above {show(_MOST_ERRORS[key])}"
+        say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MAX_ERRORS[key])})")
+        if not value <= _MAX_ERRORS[key]:
+            yield f"the {text} is {show(value)}, above {show(_MAX_ERRORS[key])}"

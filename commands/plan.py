@@ -24,7 +24,7 @@ from ..support.printer import emit, say, warn
 from ..support.terminal import as_path, show_count
 
 #: How many sentences on principal points are printed: one for each image size that a plan varies.
-_MOST_ADVICE = 2
+_MAX_ADVICE = 2
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -119,7 +119,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         *told,
         *plan.describe_stand_ins(),
         *plan.describe_trajectories(),
-        *list(centred)[:_MOST_ADVICE],
+        *list(centred)[:_MAX_ADVICE],
         *_make_bake_lines(pairs),
         *_make_refusal_lines(plan),
     ]

@@ -19,7 +19,7 @@ from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
 #: Most stops by which the gallery's exposure may differ from the camera's.
-_MOST_STOPS = 20.0
+_MAX_STOPS = 20.0
 #: The scenes of the demo. Their settings leave so little noise that it decides nothing, for little processor time: few
 #: pixels, no light under the surface, and no shadows, which take more samples than all else. Snow has little texture;
 #: its indirect light is baked.
@@ -120,8 +120,8 @@ def _run_gallery(options: argparse.Namespace) -> int:
     only = parse_list_option(options.only)
     if unknown := sorted(set(only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
-    if not abs(options.stops) <= _MOST_STOPS:
-        raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MOST_STOPS:g} to {_MOST_STOPS:g}.")
+    if not abs(options.stops) <= _MAX_STOPS:
+        raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MAX_STOPS:g} to {_MAX_STOPS:g}.")
     ending = f"_{options.stops:+g}" if options.stops else ""
     shown, shown_on_sheet = only or known, []
     described = {

@@ -39,7 +39,7 @@ PAPERS = ("guiss",)
 #: bytes of the results of a megapixel (2-core x86 server, a pair of 640 x 480 px).
 _MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
 #: Smallest share of the paper's 640 x 480 px: 32 x 24 px, with the least window of StereoBM.
-_LEAST_SCALE = 0.05
+_MIN_SCALE = 0.05
 #: Cost of matching a pair relative to rendering it, for the progress.
 _MATCHING_COST = 0.3
 
@@ -122,8 +122,8 @@ def _run_reproduce(options: argparse.Namespace) -> int:
 def _check_options(options: argparse.Namespace) -> None:
     """Raise IcyMoonError for an impossible scale or folder of files, and for an output folder that is a file or has
     other tables."""
-    if not _LEAST_SCALE <= options.scale <= 1:  # refuses NaN too
-        raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
+    if not _MIN_SCALE <= options.scale <= 1:  # refuses NaN too
+        raise IcyMoonError(f"--scale is {options.scale:g}; give {_MIN_SCALE:g} to 1.")
     if options.files and not options.files.is_dir():
         raise IcyMoonError(f"--files: {options.files} is not a folder; give the folder with your textures and meshes.")
     refuse_file_as_folder(options.out, "--out")

@@ -11,7 +11,7 @@ from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import refuse_file_as_folder, to_json_text, write_text
-from ..support.foreign_bytes import MOST_TEXT_BYTES, read
+from ..support.foreign_bytes import MAX_TEXT_BYTES, read
 from ..support.suggestions import suggest_nearest
 from ..support.terminal import parse_list_option, show_progress
 from ..validation.all_comparisons import load_comparisons
@@ -73,7 +73,7 @@ def run_validate(options: argparse.Namespace) -> int:
 
 
 def _read_page(path: Path) -> str:
-    return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MOST_TEXT_BYTES)
+    return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MAX_TEXT_BYTES)
 
 
 def _make_bench(out: Path, options: argparse.Namespace, say: Say = lambda message: None) -> Bench:

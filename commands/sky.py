@@ -23,7 +23,7 @@ from ..support.printer import emit_json, print_table, say
 from .scene_options import add_scene_options, read_settings
 
 #: Most dates of a table.
-_MOST_ROWS = 1000
+_MAX_ROWS = 1000
 #: Characters of a row in a pipe.
 _PIPE_WIDTH = 132
 _TABLE_COLUMNS = (
@@ -139,9 +139,9 @@ def _list_dates(first: str, source: str, hours: float, every: float) -> list[str
         return [first if source == "ANGLES" else format_date(parse_date(first))]
     if source == "ANGLES":
         raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
-    if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
+    if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MAX_ROWS:
         raise IcyMoonError(
-            f"--hours is {hours:g} and --every {every:g}; give numbers above 0 that make at most {_MOST_ROWS} rows."
+            f"--hours is {hours:g} and --every {every:g}; give numbers above 0 that make at most {_MAX_ROWS} rows."
         )
     start = parse_date(first).astype("datetime64[s]")
     steps = np.arange(0.0, hours + every / 1e6, every)

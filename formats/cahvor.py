@@ -37,10 +37,10 @@ _VECTOR_NAMES = {
 }
 _VECTOR_UNITS = {"C": "METER", "H": "PIXEL", "V": "PIXEL"}
 #: Largest cosine of the angle between H and V of a camera with square, upright pixels.
-_MOST_SKEW = 1e-6
+_MAX_SKEW = 1e-6
 #: Largest difference, px, of a fitted model from the lens, unless the user allows more.
 FIT_LIMIT_PX = 0.05
-_MOST_FIT_STEPS = 60
+_MAX_FIT_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Cahvor:
         fx, fy = float(np.linalg.norm(right)), float(np.linalg.norm(down))
         if not (fx > 0 and fy > 0 and abs(np.linalg.norm(self.a) - 1) < 1e-6):
             raise IcyMoonError("The camera model has no unit axis A, or H or V along it; check its file.")
-        if abs(right @ down) > _MOST_SKEW * fx * fy:
+        if abs(right @ down) > _MAX_SKEW * fx * fy:
             raise IcyMoonError(
                 "The pixels of the camera model are skewed, which Icy Moon's cameras do not support; rectify "
                 "its images first."
@@ -153,7 +153,7 @@ def _fit_cahvor(
     p = np.array([*focal, *principal, 0.0, 0.0, 0.0, k[0], k[1]])
     scale = np.array([*focal, width, height, 0.1, 0.1, 0.1, 0.1, 0.1])
     damping, found = 1e-3, residuals(p)
-    for _ in range(_MOST_FIT_STEPS):
+    for _ in range(_MAX_FIT_STEPS):
         slope = np.stack([(residuals(p + step) - found) / 1e-6 for step in np.diag(1e-6 * scale)], axis=1)
         change = np.linalg.solve(slope.T @ slope + damping * np.diag((slope**2).sum(axis=0) + 1e-12), -slope.T @ found)
         tried = residuals(p + change * scale)

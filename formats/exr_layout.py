@@ -23,7 +23,7 @@ MULTIPART = 0x1000
 #: Name of the format in errors.
 KIND = "an EXR file"
 #: Largest file of ours in bytes: images of 16384 x 16384 px have some gigabytes.
-MOST_BYTES = 2**36
+MAX_BYTES = 2**36
 #: Version of the file format.
 _FORMAT_VERSION = 2
 #: Flag of a file in tiles.
@@ -36,11 +36,11 @@ _LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 
 #: Bytes of a value by the type of its channel: whole number, 16-bit float, 32-bit float.
 _VALUE_BYTES = {0: 4, 1: 2, 2: 4}
 #: Largest size of all headers in bytes; Blender writes some hundreds of bytes for each pass.
-_MOST_HEADER_BYTES = 2**20
+_MAX_HEADER_BYTES = 2**20
 #: Maximum number of channels of all parts; Blender writes a few for each pass.
-_MOST_CHANNELS = 2**12
+_MAX_CHANNELS = 2**12
 #: Longest name in bytes.
-_MOST_NAME_BYTES = 255
+_MAX_NAME_BYTES = 255
 #: Largest pixel coordinate, as in the OpenEXR library: the sum of two fits into 32 bits.
 _LARGEST_COORDINATE = 2**30 - 1
 #: Bytes of memory for the decoded values of any file.
@@ -122,7 +122,7 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
     """Read the parts of an EXR file, whose chunks must lie in the file without overlap and in the part's image.
     ``tiles`` allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError for a damaged file, or deep
     data."""
-    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER_BYTES))
+    cursor = foreign.cursor(0, min(foreign.size, _MAX_HEADER_BYTES))
     magic, version = cursor.unpack("<2I")
     flags = version & ~0xFF
     if magic != MAGIC:
@@ -138,8 +138,8 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
         headers.append(header)
     found: list[Part] = []
     counts = [_read_part(header, bool(flags & _TILED_FLAG) and not several, tiles, found) for header in headers]
-    if sum(len(part.channels) for part in found) > _MOST_CHANNELS:
-        raise ValueError(f"more than {_MOST_CHANNELS} channels")
+    if sum(len(part.channels) for part in found) > _MAX_CHANNELS:
+        raise ValueError(f"more than {_MAX_CHANNELS} channels")
     places = _find_chunks(foreign, cursor.at, found, counts, several)
     return [
         Part(part.values, part.stated, part.window, part.channels, each)
@@ -149,8 +149,8 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
 
 def _read_header(cursor: Cursor) -> _Header:
     header = _Header({}, {}, {})
-    while name := cursor.take_until(b"\0", _MOST_NAME_BYTES):
-        kind = cursor.take_until(b"\0", _MOST_NAME_BYTES)
+    while name := cursor.take_until(b"\0", _MAX_NAME_BYTES):
+        kind = cursor.take_until(b"\0", _MAX_NAME_BYTES)
         size = cursor.take(4)
         if name in header.values:
             raise ValueError(f"the attribute {name[:40]!r} twice")
@@ -214,7 +214,7 @@ def read_channels(value: bytes) -> dict[str, Channel]:
     """The channels of a header by name, in the order of the file, from the attribute ``channels``. Raises ValueError
     for a channel that occurs twice or has an unknown type, and for a list without an end."""
     cursor, found = Cursor(value, Budget()), {}
-    while name := cursor.take_until(b"\0", _MOST_NAME_BYTES):
+    while name := cursor.take_until(b"\0", _MAX_NAME_BYTES):
         entry = cursor.take(16)
         kind, _, across, down = struct.unpack("<iBxxx2i", entry)
         text = name.decode()
@@ -312,6 +312,6 @@ def is_whole(path: Path) -> bool:
 def read_sizes(path: Path) -> set[tuple[int, int]]:
     """Columns and rows of the parts of a scan-line EXR file; none if it is not whole."""
     try:
-        return {part.shape[::-1] for part in read(path, read_layout, KIND, "write it again", most=MOST_BYTES)}
+        return {part.shape[::-1] for part in read(path, read_layout, KIND, "write it again", most=MAX_BYTES)}
     except IcyMoonError:
         return set()

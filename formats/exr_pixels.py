@@ -26,7 +26,7 @@ _HALF_TYPE = 1
 _FLOAT_TYPE = 2
 _NUMPY_TYPES = {_HALF_TYPE: "<f2", _FLOAT_TYPE: "<f4"}
 #: Largest RMS change by rounding to 16 bits, relative to the values, if no value is too small for 16 bits.
-_MOST_ROUNDING = 2.0**-11
+_MAX_ROUNDING = 2.0**-11
 #: Bytes after a channel's name in a header, by type. They state no perceptual compression, and a value for every pixel.
 _CHANNEL_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _NUMPY_TYPES}
 
@@ -276,7 +276,5 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
     values = decoded[:, named]
     with np.errstate(over="ignore"):
         error = np.float64(values.astype("<f2")) - values
-    fits = (
-        np.isfinite(error).all() and (error**2).sum() <= _MOST_ROUNDING**2 * np.square(values, dtype=np.float64).sum()
-    )
+    fits = np.isfinite(error).all() and (error**2).sum() <= _MAX_ROUNDING**2 * np.square(values, dtype=np.float64).sum()
     return pixels.round_to_half(named, decoded) if fits else piece

@@ -14,7 +14,7 @@ from .tiff import Tags
 
 _DIRECTORY, _DOUBLES, _TEXT = 34735, 34736, 34737
 #: Most numbers and letters that are kept of the tags; a system has some hundreds.
-_MOST, _MOST_LETTERS = 4096, 2**16
+_MOST, _MAX_LETTERS = 4096, 2**16
 #: Keys that are not copied because the copy states its own: kind of raster, and vertical system with name, datum and
 #: unit.
 _RASTER_TYPE, _OF_HEIGHTS, _VERTICAL_UNIT, _METRE = 1025, (4096, 4097, 4098, 4099), 4099, 9001
@@ -92,7 +92,7 @@ def read_numbers(directory: Sequence[Any], doubles: Sequence[Any], wanted: Colle
 def geokeys_from_json(stated: object) -> GeoKeys | None:
     """Parse the GeoKeys of a ``pair.json``; None if they are missing or malformed."""
     texts = [stated.get(key) for key in ("directory", "doubles", "text")] if isinstance(stated, Mapping) else []
-    known = [each for each in texts if isinstance(each, str) and len(each) <= _MOST_LETTERS]
+    known = [each for each in texts if isinstance(each, str) and len(each) <= _MAX_LETTERS]
     if len(known) != 3:
         return None
     try:

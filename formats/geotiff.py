@@ -43,7 +43,7 @@ from .sidecar_files import NO_PIXEL_SIZE
 from .tiff import (
     FIX,
     KIND,
-    MOST_BYTES,
+    MAX_BYTES,
     Directory,
     Tags,
     UnreadError,
@@ -143,7 +143,7 @@ _DEPTH_SYSTEMS = {
 _GEOKEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
 #: Largest number of pixels of a file that is read as a whole, with 63 bytes for each. Of a larger file only the site's
 #: part is read.
-_MOST_WHOLE_PIXELS = 2**22
+_MAX_WHOLE_PIXELS = 2**22
 #: Number of pixels that are read around the site's part.
 _MARGIN_PIXELS = 16
 #: A scale that differs from 1 by less than this, such as UTM's, counts as 1.
@@ -155,7 +155,7 @@ _TURNED_DEG = 0.1
 #: Angle in degrees from which on it is a warning; UTM turns north by at most 3°.
 _FAR_TURNED_DEG = 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
-_MOST_METADATA_BYTES = 2**20
+_MAX_METADATA_BYTES = 2**20
 #: Value of a GeoKey: a projected map.
 _PROJECTED = 1
 #: Value of a GeoKey: longitude and latitude.
@@ -167,7 +167,7 @@ _SAME_BODY = 0.01
 _PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
 #: A turned grid counts as lying along the axes if its rotation moves no pixel by more than this number of pixels, over
 #: the whole length.
-_MOST_TURN_PX = 1e-3
+_MAX_TURN_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
 _STATE_UNITS_OPTION = "-co GEOTIFF_VERSION=1.0"
 #: Sides of the part that a command cuts out of a map, over the sides of the wanted ground.
@@ -278,7 +278,7 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     ``missing`` is a value of the file, before scale and unit, that marks missing heights, beside the file's own marks.
     Raises IcyMoonError, with the fix, if the file cannot be read.
     """
-    found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
+    found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MAX_BYTES)
     if found.unplaced != NO_PIXEL_SIZE:
         return replace(found, warnings=(*found.warnings, *sidecar_files.describe_gdal_notes(path)))
     return replace(
@@ -304,7 +304,7 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
             return None
         return _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags)).place
 
-    return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
+    return read_foreign(path, parse, KIND, FIX, MAX_BYTES)
 
 
 def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
@@ -325,7 +325,7 @@ def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
             return NO_PIXEL_SIZE
         return _describe_unknown_size(sentence, grid[0]) if unit is None else ""
 
-    why = read_foreign(path, parse, KIND, FIX, MOST_BYTES)
+    why = read_foreign(path, parse, KIND, FIX, MAX_BYTES)
     return sidecar_files.why_unplaced(path) if why == NO_PIXEL_SIZE else why
 
 
@@ -453,7 +453,7 @@ def _place_site(
     report, warnings = _describe_place(map_of, place, site.body_radius_m if site.point else 0.0)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
-    if shape[0] * shape[1] > _MOST_WHOLE_PIXELS:
+    if shape[0] * shape[1] > _MAX_WHOLE_PIXELS:
         columns, rows = (
             _range_around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k])
             for k in range(2)
@@ -671,7 +671,7 @@ def read_metadata(image: Directory) -> dict[str, str]:
             "has metadata that are not a plain list; drop them in its folder with: "
             + gdal_lines.make_translate_command(image.name)
         )
-    if len(text) > _MOST_METADATA_BYTES:
+    if len(text) > _MAX_METADATA_BYTES:
         raise UnreadError(
             f"has {len(text) / 1e6:.1f} MB of metadata; drop everything except the scale in its folder with: "
             + gdal_lines.make_edit_command(image.name, "-unsetmd")
@@ -820,7 +820,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
     elif 34264 in tags:
         m = [float(v) for v in tags[34264]]
-        if max(abs(m[1] * rows), abs(m[4] * columns)) > _MOST_TURN_PX * min(abs(m[0]), abs(m[5])):
+        if max(abs(m[1] * rows), abs(m[4] * columns)) > _MAX_TURN_PX * min(abs(m[0]), abs(m[5])):
             raise UnreadError(
                 "has a grid that is turned against north; turn it in its folder with: "
                 + gdal_lines.make_warp_command(image.name)

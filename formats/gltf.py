@@ -11,24 +11,24 @@ from urllib.parse import unquote
 from ..support.file_schemas import COUNT
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import ForeignBytes, OverBudgetError, parse_json, read
-from .ply import MOST_MESH_BYTES
+from .ply import MAX_MESH_BYTES
 
 Fact = TypeVar("Fact")
 _FIX = "export the mesh again"
 #: Bytes of memory for all values of the JSON.
-_MOST_MEMORY = 2**29
+_MAX_MEMORY = 2**29
 #: Bytes of memory for each of these values.
 _MEMORY_PER_VALUE = 120
 #: Largest JSON in bytes, including buffers in it.
-_MOST_JSON_BYTES = 2**28
+_MAX_JSON_BYTES = 2**28
 #: Maximum number of nodes; Blender makes an object of each.
-_MOST_NODES = 50_000
+_MAX_NODES = 50_000
 #: Maximum depth of nodes within nodes.
 _DEEPEST_NODE = 500
 #: Maximum number of uses of each byte of the buffers.
-_MOST_USES_OF_BYTE = 64
+_MAX_USES_OF_BYTE = 64
 #: Further bytes that may be used, whatever the size of the buffers.
-_MOST_FREE_BYTES = 2**28
+_MAX_FREE_BYTES = 2**28
 #: Bytes of a number by the type of component.
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 #: Numbers per element by the type of accessor.
@@ -42,7 +42,7 @@ _GLB_HEADER_BYTES = 20
 def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
     """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it violates the glTF standard."""
     return read(
-        path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH_BYTES, _MOST_MEMORY
+        path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MAX_MESH_BYTES, _MAX_MEMORY
     )
 
 
@@ -57,7 +57,7 @@ def check_gltf(path: Path) -> list[str]:
         views = [_find_view_size(each, buffers) for each in document.get("bufferViews", ())]
         accessors = [_find_accessor_size(each, views, document) for each in document.get("accessors", ())]
         used = sum(accessors[k] for k in _list_used_accessors(document))
-        if used > _MOST_USES_OF_BYTE * sum(buffers) + _MOST_FREE_BYTES:
+        if used > _MAX_USES_OF_BYTE * sum(buffers) + _MAX_FREE_BYTES:
             raise OverBudgetError(f"uses {used / 1e6:.0f} MB for its meshes, of buffers of {sum(buffers) / 1e6:.3g} MB")
         _check_nodes(document.get("nodes", []))
         _check_scenes(document)
@@ -67,7 +67,7 @@ def check_gltf(path: Path) -> list[str]:
             if "uri" in each and not each["uri"].startswith("data:")
         ]
 
-    return read(path, compare, "a whole glTF file", _FIX, MOST_MESH_BYTES, _MOST_MEMORY)
+    return read(path, compare, "a whole glTF file", _FIX, MAX_MESH_BYTES, _MAX_MEMORY)
 
 
 def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
@@ -81,8 +81,8 @@ def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
             binary = int.from_bytes(foreign.part(start + size, 4), "little")
             if start + size + 8 + binary > foreign.size:
                 raise ValueError(f"it ends {start + size + 8 + binary - foreign.size} bytes early")
-    if size > _MOST_JSON_BYTES:
-        raise OverBudgetError(f"has {size / 1e6:.0f} MB of JSON, and {_MOST_JSON_BYTES / 1e6:.0f} MB are read")
+    if size > _MAX_JSON_BYTES:
+        raise OverBudgetError(f"has {size / 1e6:.0f} MB of JSON, and {_MAX_JSON_BYTES / 1e6:.0f} MB are read")
     text = foreign.part(start, size)
     foreign.budget.charge(_MEMORY_PER_VALUE * sum(text.count(mark) for mark in (b",", b"[", b"{", b":")), "JSON")
     document = parse_json(text.removeprefix(b"\xef\xbb\xbf"))
@@ -188,8 +188,8 @@ def _check_scenes(document: dict[str, Any]) -> None:
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:
     """Check that nodes form trees of limited depth."""
-    if len(nodes) > _MOST_NODES:
-        raise OverBudgetError(f"has {len(nodes)} nodes, more than {_MOST_NODES}")
+    if len(nodes) > _MAX_NODES:
+        raise OverBudgetError(f"has {len(nodes)} nodes, more than {_MAX_NODES}")
     parents: dict[int, int] = {}
     for number, node in enumerate(nodes):
         for child in node.get("children", ()):

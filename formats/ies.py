@@ -17,9 +17,9 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 
 #: Bytes of a file at most; 0.5° all around have 2 MB.
-_MOST_BYTES = 2**23
+_MAX_BYTES = 2**23
 #: Most angles in either direction.
-_MOST_ANGLES = 1500
+_MAX_ANGLES = 1500
 _FIX = "export it as LM-63 with photometry of type C and TILT=NONE"
 _TYPE_NAMES = {2: "B", 3: "A"}
 #: Angle in degrees between the rows of a table for Cycles, which interpolates by curves.
@@ -32,7 +32,7 @@ _STRENGTH_PER_CANDELA = 0.0706650768394
 
 def read_ies(path: Path) -> IntensityTable:
     """The intensity by direction in a file. Raises IcyMoonError, one sentence with a fix."""
-    return read(path, parse_ies, "an IES file", _FIX, _MOST_BYTES)
+    return read(path, parse_ies, "an IES file", _FIX, _MAX_BYTES)
 
 
 def parse_ies(foreign: ForeignBytes) -> IntensityTable:
@@ -113,8 +113,8 @@ def _parse_number(text: str) -> float:
 
 
 def _parse_count(number: float) -> int:
-    if number != int(number) or not 1 <= number <= _MOST_ANGLES:
-        raise ValueError(f"{number:g} angles, but 1 to {_MOST_ANGLES} are supported")
+    if number != int(number) or not 1 <= number <= _MAX_ANGLES:
+        raise ValueError(f"{number:g} angles, but 1 to {_MAX_ANGLES} are supported")
     return int(number)
 
 

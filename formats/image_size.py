@@ -22,9 +22,9 @@ _TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 #: Largest number of pixels for each byte of a file; photographs have 2 to 10.
 _PIXELS_PER_BYTE = 16
 #: Maximum number of scans of a JPEG file, usually 1 to 10; each may cover the whole image.
-_MOST_SCANS = 100
+_MAX_SCANS = 100
 #: Largest header in bytes, except for JPEG, whose comments precede it.
-_MOST_HEADER_BYTES = 2**16
+_MAX_HEADER_BYTES = 2**16
 #: Bytes of a WebP part that contain its size.
 _WEBP_SIZE_BYTES = 10
 #: Number of values of a pixel whose memory is counted as one pixel.
@@ -69,8 +69,8 @@ def _count_tiff(foreign: ForeignBytes) -> int:
 
 def _count_jpeg(foreign: ForeignBytes) -> int:
     content = foreign.content()
-    if content.count(b"\xff\xda") > _MOST_SCANS:
-        raise ValueError(f"more than {_MOST_SCANS} scans")
+    if content.count(b"\xff\xda") > _MAX_SCANS:
+        raise ValueError(f"more than {_MAX_SCANS} scans")
     cursor = Cursor(content, foreign.budget)
     cursor.skip(2)
     while True:
@@ -88,7 +88,7 @@ def _count_jpeg(foreign: ForeignBytes) -> int:
 
 def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
     """Width and height of a PNG, WebP, BMP, HDR or Targa image."""
-    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER_BYTES))
+    cursor = foreign.cursor(0, min(foreign.size, _MAX_HEADER_BYTES))
     if start.startswith(_PNG_MARK):
         cursor.skip(len(_PNG_MARK) + 8)
         width, height = cursor.unpack(">2I")
@@ -100,7 +100,7 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
         cursor.skip(14)
         width, height = cursor.unpack("<2H" if cursor.number("<I") == 12 else "<2i")
     elif start.startswith((b"#?RADIANCE", b"#?RGBE")):
-        cursor.take_until(b"\n\n", _MOST_HEADER_BYTES)
+        cursor.take_until(b"\n\n", _MAX_HEADER_BYTES)
         words = cursor.take_until(b"\n", 100).split()
         width, height = int(words[3]), int(words[1])
     elif len(start) > 18 and start[1] <= 1 and start[2] in (1, 2, 3, 9, 10, 11) and start[16] in (8, 15, 16, 24, 32):

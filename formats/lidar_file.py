@@ -22,7 +22,7 @@ from ..support.foreign_bytes import ForeignBytes, parse_toml, read
 from ..support.suggestions import suggest_nearest
 
 #: Bytes of the file at most.
-_MOST_BYTES = 2**18
+_MAX_BYTES = 2**18
 _FIX = "correct the file, or take a shipped one of icymoon lidar --help"
 _PATTERNS = ("SPINNING", "RASTER", "FLASH")
 _REPORTED = ("ALL", "FIRST", "STRONGEST", "LAST")
@@ -98,7 +98,7 @@ class LidarFile:
 
 def read_lidar(path: Path) -> LidarFile:
     """Read a laser scanner. Raises IcyMoonError, one sentence with a fix."""
-    text = read(path, ForeignBytes.text, "a laser scanner", _FIX, _MOST_BYTES)
+    text = read(path, ForeignBytes.text, "a laser scanner", _FIX, _MAX_BYTES)
     try:
         data = parse_toml(text)
     except ValueError as error:

@@ -25,7 +25,7 @@ from .geotiff import apply_mask, clear_missing, scale_to_metres, warn_unstated_m
 from .map_frame import MapFrame
 from .map_projection import make_crs_text, states_degrees
 from .placed_pixels import Grid, PlacedImage, Way, interpolate_pixels, open_placed, reverse_range
-from .tiff import FIX, KIND, MOST_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
+from .tiff import FIX, KIND, MAX_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
 
 #: Most pixels of a piece that is read at once, and of a window that is kept for all levels inside of it.
 _BLOCK_PIXELS, _KEPT_PIXELS = 2**21, 2**23
@@ -35,14 +35,14 @@ _BLOCK_WIDTH = 4096
 _PLACES = 33
 #: For a map in another projection, heights are interpolated from a grid of means: its finest step in pixels, and the
 #: most means along a side.
-_FINEST_STEP, _MOST_STEPS = 0.125, 4096
+_FINEST_STEP, _MAX_STEPS = 0.125, 4096
 #: Half the width of the narrowest square, in pixels. Heights between pixels are bilinear, so a narrower square has the
 #: same mean.
-_LEAST_HALF = 1 / 32
+_MIN_HALF = 1 / 32
 #: Tolerated distance in pixels of a site beyond the edge of a map, by rounding.
 _ROUNDED = 1e-6
 #: Largest error of a level's bilinear projection, in cells of the level.
-_MOST_BENT_CELLS = 0.5
+_MAX_BENT_CELLS = 0.5
 #: Least width of the squares over which the known share of the map is taken, in cells.
 WIDE_CELLS = 4.0
 
@@ -124,7 +124,7 @@ def read_cover(path: Path, frame: MapFrame) -> MapCover:
         grant_memory(foreign)
         return _place_pixels(_FileBlocks(foreign, open_placed(foreign, frame), None, 1.0), frame).cover
 
-    return read(path, parse, KIND, FIX, MOST_BYTES)
+    return read(path, parse, KIND, FIX, MAX_BYTES)
 
 
 def read_means(
@@ -148,7 +148,7 @@ def read_means(
         found = measure_levels(_place_pixels(blocks, frame), levels, wide_m)
         return MapMeans(found, tuple(blocks.list_warnings()))
 
-    return read(path, parse, KIND, FIX, MOST_BYTES)
+    return read(path, parse, KIND, FIX, MAX_BYTES)
 
 
 class _FileBlocks:
@@ -273,7 +273,7 @@ def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) ->
     for level in reversed(levels):
         places = _make_resampling_grid(pixels, level)
         wide = places.squares.widened(max(WIDE_CELLS, wide_m / level.cell_m))
-        sums = SquareSums(places.squares.at_least(_LEAST_HALF), wide.at_least(_LEAST_HALF))
+        sums = SquareSums(places.squares.at_least(_MIN_HALF), wide.at_least(_MIN_HALF))
         rows, columns = _find_window(sums.wide, pixels.shape)
         if len(rows) and len(columns):
             if len(rows) * len(columns) <= _KEPT_PIXELS:
@@ -350,7 +350,7 @@ def _make_resampling_grid(pixels: MapPixels, level: Level) -> _ResamplingGrid:
     low, high = found.min(axis=(0, 1)), found.max(axis=(0, 1))
     steps = [max(level.cell_m * each / 2, _FINEST_STEP) for each in per_m]
     if not (np.isfinite(found).all() and np.isfinite(middle).all()) or any(
-        float(bent[..., k].max()) > _MOST_BENT_CELLS * width[k] or (high[k] - low[k]) / steps[k] > _MOST_STEPS
+        float(bent[..., k].max()) > _MAX_BENT_CELLS * width[k] or (high[k] - low[k]) / steps[k] > _MAX_STEPS
         for k in range(2)
     ):
         raise UnreadError(pixels.bent)

@@ -18,12 +18,12 @@ from ..support.foreign_bytes import ForeignBytes, read
 from . import gdal_lines
 from .map_frame import MapFrame
 from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed
-from .tiff import FIX, KIND, MOST_BYTES, UnreadError, grant_memory
+from .tiff import FIX, KIND, MAX_BYTES, UnreadError, grant_memory
 
 #: Pixels beside the ground that are kept, for interpolation; most pixels over the ground.
-_BESIDE, _MOST_PIXELS = 2, 2**26
+_BESIDE, _MAX_PIXELS = 2, 2**26
 #: Most pixels along a side of the image beyond the patch.
-_MOST_SEEN = 2048
+_MAX_SEEN = 2048
 #: Number of cells between the places at which a projection is computed; between these it is taken for bilinear. A map
 #: with pixels of 100 m is then off by less than 0.01 pixels on the smallest moons.
 _LATTICE = 16
@@ -49,12 +49,12 @@ class MapImage:
 
 def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0) -> MapImage:
     """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over a square of
-    ``seen_m``, limited to ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
+    ``seen_m``, limited to ``_MAX_SEEN`` pixels a side; then its outermost pixels are the mean.
 
     Raises IcyMoonError for a file without a place, of another body, in an unsupported projection, or that does not
     reach the ground.
     """
-    return read(path, lambda foreign: _read(foreign, frame, size_m, seen_m), KIND, FIX, MOST_BYTES)
+    return read(path, lambda foreign: _read(foreign, frame, size_m, seen_m), KIND, FIX, MAX_BYTES)
 
 
 def _read(foreign: ForeignBytes, frame: MapFrame, size_m: float, seen_m: float) -> MapImage:
@@ -62,7 +62,7 @@ def _read(foreign: ForeignBytes, frame: MapFrame, size_m: float, seen_m: float) 
     placed = open_placed(foreign, frame)
     there = PlacedReader(foreign, placed.images, placed.grid)
     pixel = _find_pixel(placed, frame)
-    wide_m = max(size_m, min(seen_m, _MOST_SEEN * min(pixel[k] * frame.scale[k] for k in range(2))))
+    wide_m = max(size_m, min(seen_m, _MAX_SEEN * min(pixel[k] * frame.scale[k] for k in range(2))))
     found = _cut_out(there, frame, wide_m) if placed.way is None else _project(there, frame, wide_m, placed.way)
     made = _fill_gaps_with_mean(found, size_m, frame, placed, foreign.name)
     return _frame_by_mean(made) if seen_m > size_m else made
@@ -137,9 +137,9 @@ def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _
 
 def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
     """Raise UnreadError for too many pixels over the ground."""
-    if rows * columns > _MOST_PIXELS:
+    if rows * columns > _MAX_PIXELS:
         raise UnreadError(
-            f"has {columns} x {rows} pixels over the ground, and {_MOST_PIXELS} are read at most; make them wider, or "
+            f"has {columns} x {rows} pixels over the ground, and {_MAX_PIXELS} are read at most; make them wider, or "
             f"terrain.size_m smaller; in its folder with: {gdal_lines.make_warp_command(there.name)}"
         )
 

@@ -12,7 +12,7 @@ from ..support.foreign_bytes import read
 from . import gdal_lines, geotiff, sidecar_files
 from .geotiff import MapPlace, Site
 from .map_point import MapPoint
-from .tiff import MOST_BYTES
+from .tiff import MAX_BYTES
 
 #: Suffixes of height maps that are read, those of TIFF first.
 TIFF_SUFFIXES = (".tif", ".tiff")
@@ -21,7 +21,7 @@ SUFFIXES = (*TIFF_SUFFIXES, ".npy", ".png", ".exr")
 _START_BYTES = 32
 
 #: Largest longitudes and latitudes of a place, degrees.
-_MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 360.0, 90.0
+_MAX_LONGITUDE_DEG, _MAX_LATITUDE_DEG = 360.0, 90.0
 
 
 def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
@@ -60,7 +60,7 @@ def read_start(path: Path, body_radius_m: float) -> bytes:
         lambda foreign: foreign.part(0, min(foreign.size, _START_BYTES)),
         "a height map",
         "check source.file",
-        MOST_BYTES,
+        MAX_BYTES,
     )
     if suffix in gdal_lines.SUFFIXES:
         raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
@@ -111,7 +111,7 @@ def _find_stated_point(source: SourceSettings) -> MapPoint | None:
         if not source[key]:
             raise IcyMoonError(f"source.site is {source.site}, but source.{key} is empty; set it, such as 12.5.")
     point = MapPoint(float(source[keys[0]]), float(source[keys[1]]), degrees)
-    if degrees and not (abs(point.x) <= _MOST_LONGITUDE_DEG and abs(point.y) <= _MOST_LATITUDE_DEG):
+    if degrees and not (abs(point.x) <= _MAX_LONGITUDE_DEG and abs(point.y) <= _MAX_LATITUDE_DEG):
         raise IcyMoonError(
             f"source.site_longitude_deg is {point.x:g} and source.site_latitude_deg {point.y:g}; longitudes are -360 "
             "to 360 and latitudes -90 to 90 degrees, so give the longitude first."

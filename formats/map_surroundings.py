@@ -20,7 +20,7 @@ from .map_projection import MapSystem
 from .map_site import read_site_place
 
 #: Largest distance of ground from the site, over the radius of the body.
-_MOST_REACH = 0.9
+_MAX_REACH = 0.9
 #: Ratio of the map's displacement of ground to the distance from the site, above which a warning is given.
 _BENT_SHARE = 0.02
 #: Number of directions in which a map's displacement is measured.
@@ -77,10 +77,10 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
     Raises IcyMoonError for ground beyond the visible side of the body, and for a map that ends before it.
     """
     reach_m, radius_m = float(settings.source.surroundings_m), find_body_radius_m(settings, frame)
-    if reach_m * math.sqrt(2.0) > _MOST_REACH * radius_m:
+    if reach_m * math.sqrt(2.0) > _MAX_REACH * radius_m:
         raise IcyMoonError(
             f"source.surroundings_m = {reach_m:g} m is beyond the visible side of a body with a radius of "
-            f"{radius_m / 1000:.6g} km; set it to {math.floor(_MOST_REACH * radius_m / math.sqrt(2.0) / 100) * 100} or "
+            f"{radius_m / 1000:.6g} km; set it to {math.floor(_MAX_REACH * radius_m / math.sqrt(2.0) / 100) * 100} or "
             "less."
         )
     if frame is None or frame.system is None:

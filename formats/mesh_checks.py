@@ -21,13 +21,13 @@ from .mesh_file import add_article
 
 _FIX = "export the mesh again"
 #: Largest content in bytes that packed arrays of an FBX file may have.
-_MOST_UNPACKED_BYTES = 2**31
+_MAX_UNPACKED_BYTES = 2**31
 #: Largest material library in bytes.
-_MOST_LIBRARY_BYTES = 2**22
+_MAX_LIBRARY_BYTES = 2**22
 #: Deepest nesting of an FBX file.
 _DEEPEST_FBX = 32
 #: Maximum number of members of a USDZ archive.
-_MOST_MEMBERS = 1000
+_MAX_MEMBERS = 1000
 _FBX_MARK = b"Kaydara FBX Binary  \0\x1a\0"
 #: Bytes of a single FBX value by the letter of its type.
 _FBX_VALUE_BYTES = {b"Y": 2, b"C": 1, b"B": 1, b"I": 4, b"F": 4, b"D": 8, b"L": 8}
@@ -50,7 +50,7 @@ def check_mesh(path: Path, kind: str) -> None:
         "FBX": _check_fbx,
         "USD": lambda foreign: _check_usd(path, foreign),
     }[kind]
-    read(path, parse, f"{add_article(kind)} file", _FIX, most=ply.MOST_MESH_BYTES, memory=_MOST_UNPACKED_BYTES)
+    read(path, parse, f"{add_article(kind)} file", _FIX, most=ply.MAX_MESH_BYTES, memory=_MAX_UNPACKED_BYTES)
 
 
 def _check_obj(path: Path, foreign: ForeignBytes) -> None:
@@ -63,7 +63,7 @@ def _check_obj(path: Path, foreign: ForeignBytes) -> None:
                 lambda content: _check_library(path, content),
                 "a material library",
                 _FIX,
-                most=_MOST_LIBRARY_BYTES,
+                most=_MAX_LIBRARY_BYTES,
             )
 
 
@@ -98,8 +98,8 @@ def _check_usd(path: Path, foreign: ForeignBytes) -> None:
 def _check_usdz(foreign: ForeignBytes) -> None:
     """Check that the members of a USDZ are stored without compression, so that none is larger than the archive."""
     data = foreign.content()
-    if data.count(b"PK\1\2") > _MOST_MEMBERS:
-        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+    if data.count(b"PK\1\2") > _MAX_MEMBERS:
+        raise ValueError(f"it has more than {_MAX_MEMBERS} members")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = archive.infolist()
     if any(each.compress_type != zipfile.ZIP_STORED for each in members):

@@ -96,7 +96,7 @@ def read_opening(path: Path) -> bytes:
         lambda foreign: foreign.part(0, min(foreign.size, _OPENING_BYTES)),
         "a file",
         "check source.file",
-        most=ply.MOST_MESH_BYTES,
+        most=ply.MAX_MESH_BYTES,
     )
 
 
@@ -140,7 +140,7 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
     if kind == "PLY":
         return ply.count_triangles(path)
     if kind == "STL":
-        return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MOST_MESH_BYTES)
+        return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MAX_MESH_BYTES)
     if kind == "glTF":
         return read_gltf(
             path,

@@ -22,7 +22,7 @@ from .gltf import read_gltf
 from .mesh_file import read_opening
 
 #: Largest material library in bytes.
-_MOST_LIBRARY_BYTES = 2**22
+_MAX_LIBRARY_BYTES = 2**22
 #: Suffixes of the meshes whose images are found.
 MESH_SUFFIXES = (".obj", ".gltf", ".glb", ".ply")
 #: Statements of a material library, by the kind of image. ``map_Bump`` is not among them: it is a height in some
@@ -139,7 +139,7 @@ def _read_library(path: Path) -> list[tuple[str, MeshImage]]:
         lambda foreign: list(_parse_library(path, foreign)),
         "a material library",
         "check source.file",
-        most=_MOST_LIBRARY_BYTES,
+        most=_MAX_LIBRARY_BYTES,
     )
 
 
@@ -232,7 +232,7 @@ def _read_bytes(path: Path, begin: int, length: int) -> bytes:
         lambda foreign: foreign.part(begin, length),
         "a mesh with its images in it",
         "export the mesh again",
-        most=ply.MOST_MESH_BYTES,
+        most=ply.MAX_MESH_BYTES,
     )
 
 

@@ -30,7 +30,7 @@ from .ply import FACE_TYPE, make_header
 #: Rows of text that are made at a time.
 _ROWS_AT_ONCE = 100_000
 #: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
-_MOST_GLTF_BYTES = 2**32 - 1
+_MAX_GLTF_BYTES = 2**32 - 1
 #: Matrix from the axes of a site, z up, to the axes of glTF, y up; columns first, as in glTF.
 _Z_UP_TO_Y_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 #: glTF's number of 32-bit floats,
@@ -226,7 +226,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     text += b" " * (-len(text) % 4)
     size = sum(array.nbytes for array in arrays)
     whole = 12 + 8 + len(text) + 8 + size
-    if whole > _MOST_GLTF_BYTES:
+    if whole > _MAX_GLTF_BYTES:
         raise IcyMoonError(
             f"The ground is {whole / 1e9:.1f} GB as glTF, which holds 4.3 GB; export usd, or make the "
             "ground coarser by a larger mesh.error_px."

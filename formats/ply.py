@@ -51,9 +51,9 @@ _VERTEX_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "
 
 
 #: Largest header in bytes.
-_MOST_HEADER_BYTES = 2**16
+_MAX_HEADER_BYTES = 2**16
 #: Largest number of rows of an element.
-_MOST_ROWS = 2**40
+_MAX_ROWS = 2**40
 #: Number of rows that are processed together.
 _ROWS_AT_ONCE = 2**16
 #: Bytes of rows with lists that are processed together.
@@ -61,7 +61,7 @@ _LIST_BYTES_AT_ONCE = 2**22
 #: Longest row of a text in bytes.
 _LONGEST_ROW_BYTES = 2**20
 #: Largest mesh file in bytes; it is never in memory as a whole.
-MOST_MESH_BYTES = 2**36
+MAX_MESH_BYTES = 2**36
 #: Lists and numbers that are numbers of vertices.
 _FACE_LIST_NAMES = ("vertex_indices", "vertex_index")
 _VERTEX_INDEX_PROPERTIES = {*(("face", name) for name in _FACE_LIST_NAMES), ("edge", "vertex1"), ("edge", "vertex2")}
@@ -114,7 +114,7 @@ class _Header:
 
 def _parse_header(foreign: ForeignBytes) -> _Header:
     """The header. Raises ValueError, with the line, for an impossible header."""
-    head = foreign.part(0, min(foreign.size, _MOST_HEADER_BYTES))
+    head = foreign.part(0, min(foreign.size, _MAX_HEADER_BYTES))
     elements: list[tuple[str, int, list[_Property]]] = []
     comments: list[bytes] = []
     encoding, start = "", 0
@@ -152,7 +152,7 @@ def _parse_header(foreign: ForeignBytes) -> _Header:
 
 
 def _is_count(word: str) -> bool:
-    return word.isascii() and word.isdecimal() and len(word) < 20 and int(word) <= _MOST_ROWS
+    return word.isascii() and word.isdecimal() and len(word) < 20 and int(word) <= _MAX_ROWS
 
 
 def _parse_property(words: list[str], number: int) -> _Property:
@@ -165,7 +165,7 @@ def _parse_property(words: list[str], number: int) -> _Property:
 
 def count_triangles(path: Path) -> int | None:
     """The number of faces in the header of a file, None without one. Raises IcyMoonError for a damaged header."""
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
 
@@ -174,7 +174,7 @@ def read_texture_files(path: Path) -> list[bytes]:
 
     Raises IcyMoonError for a damaged header.
     """
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     return [
         words[1] for text in header.comments if len(words := text.split(None, 1)) == 2 and words[0] == b"TextureFile"
     ]
@@ -410,7 +410,7 @@ def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]
 
 def read_comment_number(path: Path, name: str) -> int | None:
     """The whole number N of a comment ``name N``, None without one. Raises IcyMoonError if the file is not PLY."""
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     found = next(
         (words[1] for text in header.comments if len(words := text.split()) == 2 and words[0] == name.encode()), b""
     )
@@ -428,7 +428,7 @@ def read_properties(path: Path, *wanted: str) -> Array | None:
     In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
     IcyMoonError if the file is not PLY, or a row is malformed or missing.
     """
-    return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH_BYTES)
+    return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MAX_MESH_BYTES)
 
 
 def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | None:
@@ -470,7 +470,7 @@ def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
 
 
 def _read_corner_coordinates(path: Path, faces: Array) -> Array | None:
-    table = read(path, _read_face_table, "a PLY file", _FIX, most=MOST_MESH_BYTES)
+    table = read(path, _read_face_table, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     if table is None:
         return None
     corners, uv = table[0], table[1].reshape(-1, 3, 2)

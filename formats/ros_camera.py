@@ -20,7 +20,7 @@ from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 from .yaml_text import parse_yaml
 
 #: Largest file in bytes; a calibration has 1 kB.
-_MOST_BYTES = 2**16
+_MAX_BYTES = 2**16
 #: Keys of the message CameraInfo, in lower case, by the key of the file.
 _MESSAGE_KEYS = {
     "height": "image_height",
@@ -37,9 +37,9 @@ _FIX = (
 #: Possible numbers of coefficients of each lens model. A missing fifth coefficient of plumb_bob is 0, as in OpenCV.
 _COEFFICIENT_COUNTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
 #: Largest number of pixels along a side that are read as one; cameras bin up to 16.
-_MOST_BINNED = 64
+_MAX_BINNED = 64
 #: Largest deviation of a rotation times its transpose from 1, for files with few digits.
-_MOST_ROTATION_ERROR = 1e-3
+_MAX_ROTATION_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RosCamera:
 
 def read_ros_camera(path: Path) -> RosCamera:
     """Read a calibration. Raises IcyMoonError if the file is not one, or its lens model is not supported."""
-    return read(path, _parse_camera, "a calibration of ROS", _FIX, _MOST_BYTES)
+    return read(path, _parse_camera, "a calibration of ROS", _FIX, _MAX_BYTES)
 
 
 def _parse_camera(foreign: ForeignBytes) -> RosCamera:
@@ -87,7 +87,7 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
         )
     k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENT_COUNTS[model])
     rotation = _read_numbers(stated, "rectification_matrix", 9).reshape(3, 3)
-    if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _MOST_ROTATION_ERROR or np.linalg.det(rotation) < 0:
+    if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _MAX_ROTATION_ERROR or np.linalg.det(rotation) < 0:
         raise ValueError("rectification_matrix is not a rotation")
     matrix = _read_numbers(stated, "camera_matrix", 9).reshape(3, 3)
     projection = _read_numbers(stated, "projection_matrix", 12).reshape(3, 4)
@@ -132,8 +132,8 @@ def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, 
 def _read_binning(stated: dict[str, Any], key: str) -> int:
     """Number of pixels that form one; 0 counts as 1."""
     count = max(_read_whole(stated, key, least=0), 1) if key in stated else 1
-    if count > _MOST_BINNED:
-        raise RefusedError(f"has {key} of {count}, and at most {_MOST_BINNED} pixels are read as one; correct it.")
+    if count > _MAX_BINNED:
+        raise RefusedError(f"has {key} of {count}, and at most {_MAX_BINNED} pixels are read as one; correct it.")
     return count
 
 

@@ -30,7 +30,7 @@ _PLACING_ELEMENTS = {
     "Offset": "their offset",
     "UnitType": "their unit",
 }
-_MOST_BYTES = 2**24
+_MAX_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
@@ -51,7 +51,7 @@ def describe_gdal_notes(path: Path) -> list[str]:
     if not notes.is_file():
         return []
     try:
-        text = read(notes, lambda foreign: foreign.text(), "notes of GDAL", "remove it", _MOST_BYTES)
+        text = read(notes, lambda foreign: foreign.text(), "notes of GDAL", "remove it", _MAX_BYTES)
     except IcyMoonError:
         return [f"{notes.name} beside it cannot be read; look whether it states the place of the map"]
     # An element's name ends with its bracket or with a space before its first attribute.

@@ -31,9 +31,9 @@ KIND = "a whole TIFF file"
 #: The fix for a torn file, which no program can repair.
 FIX = "copy it again from where it is whole"
 #: Largest file in bytes; only the necessary tiles are read.
-MOST_BYTES = 2**40
+MAX_BYTES = 2**40
 #: Largest number of pixels that are read.
-MOST_PIXELS = 2**30
+MAX_PIXELS = 2**30
 #: Bytes of memory for reading any file.
 _BASE_MEMORY = 2**28
 #: Further bytes of memory for each byte of the file. A tile may be absent, or packed a thousandfold, but real heights
@@ -73,7 +73,7 @@ _OTHER_COMPRESSIONS = {
     52546: "JPEG XL",
 }
 _PIXEL_TYPES = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8")
-_MOST_DIRECTORIES, _MOST_TAGS = 1000, 4096
+_MAX_DIRECTORIES, _MAX_TAGS = 1000, 4096
 #: The tags that this module or ``geotiff`` uses; others are skipped.
 _USED_TAGS = {
     254,
@@ -104,7 +104,7 @@ _USED_TAGS = {
     42113,
 }
 #: Bytes of memory that a decompressor may take for its window.
-_MOST_UNPACKER_MEMORY = 2**27
+_MAX_UNPACKER_MEMORY = 2**27
 
 Tags = dict[int, tuple[Any, ...]]
 
@@ -161,7 +161,7 @@ def read_directories(foreign: ForeignBytes) -> list[Directory]:
     at = start.number(place)
     found: list[Directory] = []
     seen = set()
-    while at and at not in seen and len(found) < _MOST_DIRECTORIES:
+    while at and at not in seen and len(found) < _MAX_DIRECTORIES:
         seen.add(at)
         tags, at = _read_tags(foreign, at, order, place)
         found.append(Directory(tags, order, foreign.name))
@@ -173,7 +173,7 @@ def read_directories(foreign: ForeignBytes) -> list[Directory]:
 def stores_floats(path: Path) -> bool:
     """Whether a file is a TIFF file of floating-point numbers; False for a damaged file or another format."""
     try:
-        return read(path, lambda foreign: read_directories(foreign)[0].number(339, 1) == 3, KIND, FIX, MOST_BYTES)
+        return read(path, lambda foreign: read_directories(foreign)[0].number(339, 1) == 3, KIND, FIX, MAX_BYTES)
     except IcyMoonError:
         return False
 
@@ -184,7 +184,7 @@ def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[
     head, inline = (f"{order}HHQ", 8) if big else (f"{order}HHI", 4)
     length = 8 if big else 2
     count = foreign.cursor(at, length).number(f"{order}Q" if big else f"{order}H")
-    if count > _MOST_TAGS:
+    if count > _MAX_TAGS:
         raise ValueError(f"{count} tags")
     cursor = foreign.cursor(at + length, count * (struct.calcsize(head) + inline) + inline)
     tags: Tags = {}
@@ -286,9 +286,9 @@ def _checked_window(image: Directory, window: tuple[range, range] | None) -> tup
     down, right = window or (range(rows), range(columns))
     if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
         raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
-    if len(down) * len(right) > MOST_PIXELS:
+    if len(down) * len(right) > MAX_PIXELS:
         raise UnreadError(
-            f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
+            f"has {columns} x {rows} pixels, Icy Moon reads {MAX_PIXELS} at most; "
             f"{_make_smaller(image, len(down) * len(right))}"
         )
     return down, right
@@ -341,7 +341,7 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
         8: _inflate,
         32946: _inflate,
         32773: _unpack_bits,
-        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_UNPACKER_MEMORY).decompress(block, length),
+        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MAX_UNPACKER_MEMORY).decompress(block, length),
     }
     if compression not in known:
         name = _OTHER_COMPRESSIONS.get(compression, f"method {compression}")
@@ -356,7 +356,7 @@ def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
         return None
 
     def unpack(block: bytes, length: int) -> bytes:
-        unpacker = zstandard.ZstdDecompressor(max_window_size=_MOST_UNPACKER_MEMORY)
+        unpacker = zstandard.ZstdDecompressor(max_window_size=_MAX_UNPACKER_MEMORY)
         try:  # by a stream, since otherwise memory is allocated for the size that the block states
             with unpacker.stream_reader(block) as stream:
                 return bytes(stream.read(length))

@@ -23,7 +23,7 @@ def _has_key(data: Any, key: Key) -> bool:
 
 
 #: Maximum number of characters that are parsed in search of a line.
-_MOST_PARSED_CHARACTERS = 2**21
+_MAX_PARSED_CHARACTERS = 2**21
 
 
 def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
@@ -45,7 +45,7 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
     and the last valid beginning before that ends just before the key. So every spelling that TOML allows is supported.
     If ``budget`` is used up, only lines of usual spellings are found.
     """
-    budget, lines = budget or Budget(_MOST_PARSED_CHARACTERS), text.splitlines()
+    budget, lines = budget or Budget(_MAX_PARSED_CHARACTERS), text.splitlines()
     # The first ``without`` lines are valid and lack the key. The first ``within`` lines contain the key, and no valid
     # beginning has ``least`` to ``within`` - 1 lines.
     without, within = 0, len(lines)
@@ -126,7 +126,7 @@ class Place:
         return Place(self.file, self.text, (*self.key, *steps))
 
     def __str__(self) -> str:
-        key, budget = self.key, Budget(_MOST_PARSED_CHARACTERS)
+        key, budget = self.key, Budget(_MAX_PARSED_CHARACTERS)
         while key and (line := find_line(self.text, key, budget)) is None:
             key = key[:-1]  # an absent key is reported at the table it belongs to
         return f"{self.file}, line {line}" if key else str(self.file)

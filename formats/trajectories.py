@@ -22,7 +22,7 @@ from ..physics.camera.rotations import from_quaternion, nearest_rotation, quater
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import quote, shorten
-from ..support.foreign_bytes import MOST_TEXT_BYTES, ForeignBytes, read
+from ..support.foreign_bytes import MAX_TEXT_BYTES, ForeignBytes, read
 from ..support.number_text import format_count
 
 TRAJECTORY_KINDS = ("TUM", "KITTI", "CSV")
@@ -36,11 +36,11 @@ _STAMP_COLUMNS = {
 _EUROC_NAME_ENDS = {"p_rs_r_": "", "q_rs_": "q"}
 #: Deviation of a quaternion's length from 1, or of a matrix from a rotation, up to which it counts as rounding to six
 #: digits.
-_MOST_ROUNDING = 1e-5
+_MAX_ROUNDING = 1e-5
 #: Largest deviation that is accepted, with a note.
 _LARGEST_DEVIATION = 0.1
 #: Maximum number of poses of a file.
-MOST_POSES = 1_000_000
+MAX_POSES = 1_000_000
 #: Stamps in seconds are below this: at most twelve digits before the point.
 _LARGEST_STAMP_S = Decimal(10**12)
 #: Smallest step of a stamp: nine digits after the point.
@@ -77,10 +77,10 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
             raise ValueError("it has no poses")
         return _Poses(kind or _detect_format(path, first[1]), axes).parse(first, rows)
 
-    found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MOST_TEXT_BYTES)
+    found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MAX_TEXT_BYTES)
     if times is None:
         return found
-    stamps = read(times, _parse_times, "a list of stamps", "give one number a line, in seconds", MOST_TEXT_BYTES)
+    stamps = read(times, _parse_times, "a list of stamps", "give one number a line, in seconds", MAX_TEXT_BYTES)
     if len(stamps) != len(found.poses):
         raise IcyMoonError(
             f"{times}: has {len(stamps)} stamps, and {path} has {len(found.poses)} poses; give a stamp for each."
@@ -155,8 +155,8 @@ class _Poses:
         positions, rotations, stamps = [], [], []
         lines: list[int] = []
         for number, text in (*rows, *rest):
-            if len(lines) == MOST_POSES:
-                raise ValueError(f"it has more than {MOST_POSES} poses, so cut it into several files")
+            if len(lines) == MAX_POSES:
+                raise ValueError(f"it has more than {MAX_POSES} poses, so cut it into several files")
             stamp, position, rotation = self._read_pose(number, text, len(lines))
             positions.append(position)
             rotations.append(rotation @ self._axes)
@@ -219,9 +219,9 @@ class _Poses:
         """Remember a deviation above rounding. Raises ValueError if it is too large."""
         if not off <= _LARGEST_DEVIATION:
             raise ValueError(f"line {line} has {what}")
-        if off > _MOST_ROUNDING:
+        if off > _MAX_ROUNDING:
             self._not_unit += 1
-        if off > max(self._off, _MOST_ROUNDING):
+        if off > max(self._off, _MAX_ROUNDING):
             self._off, self._line_off = off, line
 
 

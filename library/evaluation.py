@@ -160,7 +160,7 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
 
     Raises IcyMoonError if the function returns no disparity map."""
     from ..stereo.images.image_files import write_npy
-    from ..stereo.matchers.search_range import MOST_SEARCHED_PX, find_rig_range
+    from ..stereo.matchers.search_range import MAX_SEARCHED_PX, find_rig_range
     from ..stereo.measure.prepare_pair import list_distinct_pairs, prepare_pair
 
     asked = [key for key in _OPTIONAL_ARGUMENTS if key in inspect.signature(function).parameters]
@@ -168,7 +168,7 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
     for folder in list_distinct_pairs(folders):
         prepared = prepare_pair(folder, response)
         seen = find_rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
-        given = {"max_disparity_px": seen.most_px if seen else MOST_SEARCHED_PX, "camera": prepared.depth_camera}
+        given = {"max_disparity_px": seen.most_px if seen else MAX_SEARCHED_PX, "camera": prepared.depth_camera}
         images = prepared.left.copy(), prepared.right.copy()
         result = function(*images, **{key: given[key] for key in asked})
         result, confidence = result if isinstance(result, tuple) and len(result) == 2 else (result, None)

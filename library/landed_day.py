@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 #: Largest number of a ground: all grounds before it are drawn too.
-_MOST_NUMBER = 99_999
+_MAX_NUMBER = 99_999
 
 
 def open_landed_day(
@@ -47,8 +47,8 @@ def open_landed_day(
     from ..stereo.training_data import read_ground
 
     for name, value in (("number", number), ("seed", seed)):
-        if not isinstance(value, int) or not 0 <= value <= _MOST_NUMBER:
-            raise IcyMoonError(f"The {name} is {value!r}; give a whole number from 0 to {_MOST_NUMBER}.")
+        if not isinstance(value, int) or not 0 <= value <= _MAX_NUMBER:
+            raise IcyMoonError(f"The {name} is {value!r}; give a whole number from 0 to {_MAX_NUMBER}.")
     matcher = read_method(method)
     own = None if ground is None else read_ground(str(ground), "ground ")
     changes = load_named(str(lander)) if isinstance(lander, str | Path) else check(dict(lander or {}), "lander")

@@ -20,7 +20,7 @@ from .rendered_pair import RenderedPair, read_settings
 from .renderers import MessageReceiver, Renderer, default_renderer, ignore_message, issue_warnings
 
 #: Most settings that a scene shows of itself.
-_MOST_SHOWN_SETTINGS = 8
+_MAX_SHOWN_SETTINGS = 8
 
 
 def _has_stated(changes: Mapping[str, Any], name: str) -> bool:
@@ -83,7 +83,7 @@ class Scene:
                 for key, value in values.items()
             ),
         ]
-        shown = names if len(names) <= _MOST_SHOWN_SETTINGS else [*names[:_MOST_SHOWN_SETTINGS], "…"]
+        shown = names if len(names) <= _MAX_SHOWN_SETTINGS else [*names[:_MAX_SHOWN_SETTINGS], "…"]
         return self._make_changed(stated, {}, ", ".join(shown))
 
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:

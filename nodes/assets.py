@@ -31,8 +31,8 @@ from .surface.ground_and_rock_materials import build_ground_material
 
 AUTHOR, LICENSE = "Icy Moon developers", "GPL-3.0-or-later"
 #: Number of vertices of a landscape's ground. 32 000 need 1.6 MB and lie within 4 to 30 px of the exact ground.
-MOST_VERTICES = 32_000
-_ASSET_SETTINGS: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
+MAX_VERTICES = 32_000
+_ASSET_SETTINGS: Parts = {"mesh": {"most": MAX_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
 
 
 #: The asset without a preset, and the preset whose picture it gets.

@@ -12,7 +12,7 @@ from mathutils import Matrix, Vector
 
 from ..physics import scene_checks
 from ..physics.scene_checks import (
-    LEAST_EYE_HEIGHT_M,
+    MIN_EYE_HEIGHT_M,
     describe_buried_eye,
     describe_buried_lamp,
     describe_eye_in_rock,
@@ -27,7 +27,7 @@ from .rig import find_eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
 #: Maximum number of faces of the user's own objects that a ray passes before the test gives up.
-_MOST_PASSED = 1000
+_MAX_PASSED = 1000
 
 
 def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
@@ -113,7 +113,7 @@ def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, posit
     if role and leaves:
         return distance if role == "terrain" else math.inf
     role, distance, _ = cast_ray(scene, depsgraph, position, -_UP)
-    return -distance if role == "terrain" and distance < LEAST_EYE_HEIGHT_M / 2 else None
+    return -distance if role == "terrain" and distance < MIN_EYE_HEIGHT_M / 2 else None
 
 
 def cast_ray(
@@ -125,7 +125,7 @@ def cast_ray(
     The role is empty if the ray hits none. The ray passes the user's own objects.
     """
     at = start
-    for _ in range(_MOST_PASSED):
+    for _ in range(_MAX_PASSED):
         hit, place, normal, _, item, _ = scene.ray_cast(depsgraph, at, toward)
         if not hit:
             break

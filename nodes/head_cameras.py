@@ -11,9 +11,9 @@ from mathutils import Matrix
 
 from ..formats.calibrations.head_file import read_head
 from ..physics.camera.calibrated_camera import CalibratedCamera
-from ..physics.camera.head_camera import MOST_CAMERAS, HeadCamera, Orthographic, Projection
+from ..physics.camera.head_camera import MAX_CAMERAS, HeadCamera, Orthographic, Projection
 from ..physics.camera.lens_models import Fisheye
-from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, describe_depth
+from ..physics.scene_checks import MIN_EYE_HEIGHT_M, describe_depth
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -24,7 +24,7 @@ from .ground.heights_under import probe_heights
 from .rig import CLIP_M, OPENCV_FROM_BLENDER
 
 #: Roles of the objects, in the order of the file.
-ROLES = tuple(f"head camera {k + 1}" for k in range(MOST_CAMERAS))
+ROLES = tuple(f"head camera {k + 1}" for k in range(MAX_CAMERAS))
 #: Width of a sensor in Blender, mm. It sets the scale of lengths on the sensor, and no light depends on it.
 _SENSOR_MM = 36.0
 
@@ -47,7 +47,7 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
     made = []
     for camera, (ground_m, world) in zip(cameras, places, strict=True):
         depth_m = ground_m - world[2, 3]
-        if depth_m > -LEAST_EYE_HEIGHT_M:
+        if depth_m > -MIN_EYE_HEIGHT_M:
             raise IcyMoonError(describe_obstructed_camera(settings.rig.head_file, camera.name, depth_m))
     for role, camera, (_, world) in zip(ROLES, cameras, places, strict=False):
         lens = bpy.data.cameras.new(f"{NAME} {camera.name}")

@@ -51,13 +51,13 @@ _LINES_PROPERTY = "icymoon_lidar_lines"
 #: Width of a square as seen from the sensor, in radians, and radius of a rod at its end divided by its length.
 _WIDTH_RAD, _ROD_RADIUS = 0.006, 0.003
 #: Maximum number of rows and columns of beams that are drawn, and the length of beams in metres if all miss.
-_MOST_ROWS, _MOST_COLUMNS, _MISSED_M = 9, 25, 10.0
+_MAX_ROWS, _MAX_COLUMNS, _MISSED_M = 9, 25, 10.0
 #: Colours (sRGB) of beams that hit and that miss.
 _HIT, _MISSED = (90, 255, 120), (110, 110, 110)
 _LIMIT = "Points Shown"
 #: Objects that are shown over the ground and stop no beam.
 _SHOWN_ROLES = (ROLE, measured_surface.ROLE, painted_errors.ROLE)
-_MOST_SKIPS, _SKIP_M = 16, 1e-4
+_MAX_SKIPS, _SKIP_M = 16, 1e-4
 
 
 def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: int) -> bpy.types.Object:
@@ -167,7 +167,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     depsgraph = bpy.context.evaluated_depsgraph_get()
     pose = find_sensor_pose(built, lidar)
     pattern = lidar.instrument.pattern
-    beams = pattern.make_chosen(pattern.choose_spread(_MOST_ROWS, _MOST_COLUMNS))
+    beams = pattern.make_chosen(pattern.choose_spread(_MAX_ROWS, _MAX_COLUMNS))
     direction = beams.direction @ pose.rotation.T
     farthest = min(lidar.instrument.farthest_m, 1e5)
     length = np.array([_find_hit(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
@@ -197,7 +197,7 @@ def _find_hit(
 ) -> float:
     """Distance in metres to what a beam meets; infinite if it meets nothing."""
     passed = 0.0
-    for _ in range(_MOST_SKIPS):
+    for _ in range(_MAX_SKIPS):
         found, place, _, _, item, _ = scene.ray_cast(
             depsgraph, (start + direction * passed).tolist(), direction.tolist(), distance=farthest_m - passed
         )

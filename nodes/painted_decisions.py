@@ -75,7 +75,7 @@ _ABOVE_M = 0.01
 _LINE_RADIUS_M, _RING_POINTS = 0.006, 48
 #: Number of sides of these lines, and the minimum of 1 plus the cosine of a turn. It limits how far a sharp corner
 #: reaches.
-_LINE_SIDES, _LEAST_TURN_COSINE = 6, 0.25
+_LINE_SIDES, _MIN_TURN_COSINE = 6, 0.25
 
 
 def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
@@ -180,7 +180,7 @@ def _make_tube(way: Array) -> tuple[Array, Array]:
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     before = np.roll(across, 1, axis=0)
-    sharp = np.maximum(1 + (before * across).sum(axis=1, keepdims=True), _LEAST_TURN_COSINE)
+    sharp = np.maximum(1 + (before * across).sum(axis=1, keepdims=True), _MIN_TURN_COSINE)
     mitre = np.pad((before + across) / sharp, ((0, 0), (0, 1)))
     angle = 2 * np.pi * np.arange(_LINE_SIDES) / _LINE_SIDES
     round_ = np.cos(angle)[:, None] * mitre[:, None] + np.sin(angle)[:, None] * np.array((0.0, 0.0, 1.0))

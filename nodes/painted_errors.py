@@ -24,7 +24,7 @@ from ..settings.description import merged
 from ..settings.pair_ids import make_pair_id
 from ..stereo.ground_errors import (
     COARSE,
-    MOST_EDGE_PX,
+    MAX_EDGE_PX,
     UNSEEN,
     DepthErrors,
     VertexErrors,
@@ -60,7 +60,7 @@ _COUNTS_PROPERTY, _COLOURS_BEFORE_PROPERTY = (
 #: rocks at any precision of the view's depths.
 _COPY_SCALE, _COPY_SHIFT_SHARE = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
-_MOST_DIVISIONS = 4  # of triangles of rocks
+_MAX_DIVISIONS = 4  # of triangles of rocks
 _GROUND_AND_CAMERA = ("terrain object", "terrain data", "rock object", "rock data", "camera")
 _KINDS = {
     **KINDS,
@@ -371,8 +371,8 @@ def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Arr
             longest[k : k + step] = np.maximum(
                 longest[k : k + step], np.where(inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0)
             )
-    needed = np.ceil(np.log2(np.maximum(longest / MOST_EDGE_PX, 1.0)))
-    return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
+    needed = np.ceil(np.log2(np.maximum(longest / MAX_EDGE_PX, 1.0)))
+    return np.asarray(np.minimum(needed, _MAX_DIVISIONS).astype(np.intp))
 
 
 def _find_seen_copies(

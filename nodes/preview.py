@@ -64,11 +64,11 @@ from .surface.sheltered_ground import check_shelter, mark_shelter
 from .tree.builder import copy_values
 
 #: Maximum number of rocks on coarse ground, which are those that look largest.
-MOST_ROCKS = 1000
+MAX_ROCKS = 1000
 #: Maximum number of rocks that follow a slider.
-MOST_MOVED_ROCKS = 500
+MAX_MOVED_ROCKS = 500
 #: Approximate number of vertices of the whole ground in ``build_coarse``, which takes about a second.
-MOST_VERTICES = 100000
+MAX_VERTICES = 100000
 _LIGHT_PARTS: tuple[str, ...] = ("sun object", "planetshine object")
 _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 _TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
@@ -139,7 +139,7 @@ def put_coarse_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeOb
 
 
 def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
-    return mesh_coarsely(ground, settings, MOST_VERTICES, MOST_ROCKS)
+    return mesh_coarsely(ground, settings, MAX_VERTICES, MAX_ROCKS)
 
 
 def mark_as_preview(built: scenes.Built, settings: Settings) -> None:
@@ -235,7 +235,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     if by_hand:
         is_ground = any(part.startswith("terrain") for part in by_hand)
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
-    ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
+    ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MAX_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     check_shelter(settings.surface)
     # From here on nothing raises, so the scene is changed completely or not at all.
@@ -275,7 +275,7 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
         _make_coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
         (rig.x_m, rig.y_m, rocks.clear_radius_m),
         make_view_beyond(settings),
-        MOST_MOVED_ROCKS,
+        MAX_MOVED_ROCKS,
         heights_on(ground),
     )
     return replace(found, level=np.zeros_like(found.level))

@@ -14,7 +14,7 @@ from ..support.arrays import Array
 #: Camera images are shown as matchers get them; a stretch would hide how dark they are.
 AS_RECORDED = "as recorded, not stretched"
 _NOTE = "icymoon_note"
-_MOST_CHARACTERS = 120
+_MAX_CHARACTERS = 120
 
 
 def name_camera_image(pair: str, eye: str) -> str:
@@ -31,7 +31,7 @@ def note_camera_image(image: bpy.types.Image) -> None:
 def read_note(image: bpy.types.Image) -> str:
     """The note of an image; empty without one. Anyone may have made the file."""
     note = image.get(_NOTE)
-    return note[:_MOST_CHARACTERS] if isinstance(note, str) else ""
+    return note[:_MAX_CHARACTERS] if isinstance(note, str) else ""
 
 
 def _read_levels(image: bpy.types.Image) -> Array:

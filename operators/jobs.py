@@ -22,7 +22,7 @@ from .work_in_pieces import WorkInPieces
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
 #: Minimum finished share of a job, or minimum seconds, from which on the remaining time is shown.
-_LEAST_SHARE, _LEAST_SECONDS = 0.1, 120.0
+_MIN_SHARE, _MIN_SECONDS = 0.1, 120.0
 #: Seconds in which the second Esc must follow the first to stop a job.
 ESCAPE_S = 2.0
 
@@ -108,7 +108,7 @@ class Job:
         estimate.
         """
         past_s = time.monotonic() - self.started
-        if self.fraction <= 0.02 or (self.fraction < _LEAST_SHARE and past_s < _LEAST_SECONDS):
+        if self.fraction <= 0.02 or (self.fraction < _MIN_SHARE and past_s < _MIN_SECONDS):
             return None
         return past_s * (1.0 - self.fraction) / self.fraction
 

@@ -19,7 +19,7 @@ from .render import find_dataset_folder
 #: The scope of an evaluation, and the source of an export, that is these pairs.
 SCOPE = "VARIATIONS"
 #: Maximum number of pairs whose pictures the sidebar offers.
-MOST_PICTURES = 24
+MAX_PICTURES = 24
 
 
 def remember_folder(scene: bpy.types.Scene, folder: Path) -> None:
@@ -35,7 +35,7 @@ def remember_pairs(scene: bpy.types.Scene, ids: Sequence[str]) -> None:
 
 def choose_spread(ids: Sequence[str]) -> list[str]:
     """All ids, or as many as the sidebar can show: the first, the last and others at equal steps."""
-    count = min(MOST_PICTURES, len(ids))
+    count = min(MAX_PICTURES, len(ids))
     return [ids[round(k * (len(ids) - 1) / max(1, count - 1))] for k in range(count)]
 
 

@@ -25,7 +25,7 @@ from ..settings.blender import scene_properties
 from ..settings.change_announcements import LIDAR_POINTS
 from ..settings.preset_files import LIDARS
 from ..stereo.export.lidar import discard_points
-from ..stereo.lidar_view import MOST_POINTS, read_shown_points
+from ..stereo.lidar_view import MAX_POINTS, read_shown_points
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.number_text import format_count
@@ -143,7 +143,7 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
         if not folders:
             raise IcyMoonError(f"{_NO_SCAN_MESSAGE}.")
         self._scene_uid = scene.session_uid
-        work = partial(read_shown_points, folders, MOST_POINTS)
+        work = partial(read_shown_points, folders, MAX_POINTS)
         return jobs.Job(self.bl_label, Calculation(work, folders[0], reports=True), if_stopped="nothing is shown")
 
     def report_success(self, context: bpy.types.Context) -> None:

@@ -11,7 +11,7 @@ from .window_events import call_later, cancel_call
 TAB = "Icy Moon"
 #: Seconds between two tries, and maximum number of tries. Blender knows the tabs of a sidebar only after it has drawn
 #: them.
-_INTERVAL_S, _MOST_TRIES = 0.2, 50
+_INTERVAL_S, _MAX_TRIES = 0.2, 50
 
 
 class _RemainingTries:
@@ -49,7 +49,7 @@ def _open_once() -> float | None:
 
 def register() -> None:
     """Open the tab soon, if this is the first session with Icy Moon and has a window."""
-    _RemainingTries.left = _MOST_TRIES
+    _RemainingTries.left = _MAX_TRIES
     if not bpy.app.background:
         call_later(_open_once, _INTERVAL_S)
 

@@ -23,7 +23,7 @@ from .window_areas import ButtonPictures, redraw_panels
 from .window_events import call_later, cancel_call
 
 #: Maximum number of pairs in the list, of columns or rows of a picture, and of pictures that are kept.
-MOST_PAIRS, SIDE_PX, _MOST_PICTURES = 8, 128, 64
+MAX_PAIRS, SIDE_PX, _MAX_PICTURES = 8, 128, 64
 #: Seconds after which the folder is read again although it has not changed: a pair may be rendered anew in its place.
 _REREAD_S = 5.0
 _pictures = ButtonPictures()
@@ -78,7 +78,7 @@ def _read_recent(folder: Path, changed_ns: int, period: int) -> tuple[RecentPair
                 found.append((os.stat(os.path.join(entry.path, "pair.json")).st_mtime_ns, entry.name))
             except OSError:  # not complete
                 continue
-    return tuple(RecentPair(folder / name, written_ns) for written_ns, name in heapq.nlargest(MOST_PAIRS, found))
+    return tuple(RecentPair(folder / name, written_ns) for written_ns, name in heapq.nlargest(MAX_PAIRS, found))
 
 
 def find_icon(pair: RecentPair) -> int | None:
@@ -118,7 +118,7 @@ def _keep(pair: RecentPair, job: jobs.Job) -> None:
     if job.failure:
         _PictureQueue.failed |= {pair}
         return
-    if len(_pictures.collection) >= _MOST_PICTURES:
+    if len(_pictures.collection) >= _MAX_PICTURES:
         _pictures.collection.clear()
     views: PairViews = job.result["value"]
     picture = views.shown_left

@@ -59,9 +59,9 @@ _REPORT_SHAPE = {
     "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
 }
 #: Maximum number of characters of a text from a file, and of settings that a note names.
-_MOST_TEXT_CHARACTERS, _MOST_NAMED = 40, 3
+_MAX_TEXT_CHARACTERS, _MAX_NAMED = 40, 3
 #: Maximum number of characters of a note on the results, and of notes in the panel; the report has all notes.
-_MOST_NOTE_CHARACTERS, _MOST_NOTES = 400, 2
+_MAX_NOTE_CHARACTERS, _MAX_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
 _COUNT_TOO = {
     "DATASET": ("folder", "methods"),
@@ -109,7 +109,7 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
         "summary": [
             {key: value for key, value in _complete_row(row).items() if key in _ROW_SHAPE} for row in report["summary"]
         ],
-        **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCE_LISTS},
+        **{key: report.get(key, [])[:_MAX_NOTES] for key in _SENTENCE_LISTS},
     }
     scene.icymoon.results = json.dumps(kept)
 
@@ -134,7 +134,7 @@ def _parse_results(text: str) -> StoredResults | None:
         typed(found["settings"]),
         tuple(sorted(map(_complete_row, found["summary"]), key=_sort_key)),
         *(
-            tuple(_clean_text(note, _MOST_NOTE_CHARACTERS) for note in found.get(key, ())[:_MOST_NOTES])
+            tuple(_clean_text(note, _MAX_NOTE_CHARACTERS) for note in found.get(key, ())[:_MAX_NOTES])
             for key in _SENTENCE_LISTS
         ),
     )
@@ -161,7 +161,7 @@ def _sort_key(row: Mapping[str, Any]) -> tuple[float, float]:
     return math.inf if wrong is None else wrong, math.inf if error is None else error
 
 
-def _clean_text(text: str, longest: int = _MOST_TEXT_CHARACTERS) -> str:
+def _clean_text(text: str, longest: int = _MAX_TEXT_CHARACTERS) -> str:
     return "".join(c if c.isprintable() else " " for c in text[:longest])
 
 
@@ -262,8 +262,8 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
     changed = _find_changed_settings(scene)
     other = [(topic, s) for topic, s in changed if s.key != "folder"]
     if other:
-        rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
-        labels = ", ".join(describe_place(topic, s) for topic, s in other[:_MOST_NAMED])
+        rest = f" and {len(other) - _MAX_NAMED} more" if len(other) > _MAX_NAMED else ""
+        labels = ", ".join(describe_place(topic, s) for topic, s in other[:_MAX_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
         sentences.append(
             f"Measured with other settings than the present ones: {labels}{rest}. "

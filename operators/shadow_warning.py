@@ -40,13 +40,13 @@ from .window_events import call_later, cancel_call, make_registration
 #: Seconds without a change before rays are traced.
 REST_S = 0.4
 #: Share of the ground in view that the Sun must reach; below it the view counts as dark.
-LEAST_LIT = 0.05
+MIN_LIT = 0.05
 #: Width of the traced image in pixels, and number of the Sun's azimuths among which the best is advised.
 _COLUMNS, _AZIMUTHS = 24, 24
 _NEAR_M = 1e-3
 _EFFECTS = {"geometry", "light", "camera"}
 #: Maximum number of the user's objects that are compared with the camera at each redraw.
-_MOST_OBJECTS = 200
+_MAX_OBJECTS = 200
 BRIEF = "View in shadow: see Light"
 
 
@@ -74,7 +74,7 @@ def describe_enclosing(scene: bpy.types.Scene) -> str:
         return ""
     place, space = built.camera.matrix_world.translation, bpy.context.space_data
     view = {"viewport": space} if space is not None and space.type == "VIEW_3D" else {}
-    for item in scene.objects[:_MOST_OBJECTS]:
+    for item in scene.objects[:_MAX_OBJECTS]:
         if item.type == "MESH" and not item.get(TAG) and item.visible_get(**view) and _is_inside(item, place):
             return f"{item.name} encloses the camera: move or hide it"
     return ""
@@ -94,13 +94,13 @@ def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
 def advise_on_shadow(settings: Settings, shares: Array) -> str:
     """Describe ``shares`` (k,) of the view that are lit by the present Sun, then by Suns at azimuths in equal steps
     from it. Empty if the Sun lights enough, or no ground is seen."""
-    if not shares[0] < LEAST_LIT:  # NaN: no ground is seen
+    if not shares[0] < MIN_LIT:  # NaN: no ground is seen
         return ""
     dark = f"{100 * (1 - shares[0]):.0f} % of the ground in view is in shadow;"
     if settings.light.directions_from != "ANGLES":
         return f"{dark} choose another light.date_utc, or turn the camera by rig.heading_deg."
     best = int(shares.argmax())
-    if shares[best] < LEAST_LIT:
+    if shares[best] < MIN_LIT:
         return f"{dark} raise light.sun_elevation_deg ({settings.light.sun_elevation_deg:g}°)."
     azimuth = (settings.light.sun_azimuth_deg + 360.0 * best / len(shares)) % 360.0
     return (

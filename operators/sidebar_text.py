@@ -40,7 +40,7 @@ from ..support.printer import show_controls
 #: Disparity error, px, for which the depth error is given: the error of good matchers on textured ground.
 DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
-_MOST_KEPT = 4
+_MAX_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
 _WIDTH_PX, _SHORTEST_LINE = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
@@ -66,7 +66,7 @@ def remember_answers(function: Callable[..., Found]) -> Callable[..., Found]:
                 return found
         found = function(*asked)
         kept.insert(0, (asked, found))
-        del kept[_MOST_KEPT:]
+        del kept[_MAX_KEPT:]
         return found
 
     return answer

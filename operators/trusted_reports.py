@@ -15,7 +15,7 @@ from ..support.file_schemas import TABLE, read_record
 from ..support.files import hash_file, write_json
 
 #: Maximum number of checksums in the file, the newest last.
-_MOST_CHECKSUMS = 500
+_MAX_CHECKSUMS = 500
 #: Checksums of this session, in case the cache folder is not writable.
 _session: set[str] = set()
 
@@ -39,7 +39,7 @@ def remember_report(page: Path) -> None:
             write_json(
                 _find_checksums_file(),
                 dict.fromkeys(
-                    [*_read_checksums(), checksum][-_MOST_CHECKSUMS:], "sha256 of a report that was made here"
+                    [*_read_checksums(), checksum][-_MAX_CHECKSUMS:], "sha256 of a report that was made here"
                 ),
             )
 

@@ -23,7 +23,7 @@ from .window_events import call_later, make_registration
 INTERVAL_S = 0.5
 #: Turns of the event loop without an event after which a job is unseen. A slow window has few turns, so its jobs
 #: are not taken for unseen.
-MOST_TURNS = 20
+MAX_TURNS = 20
 
 
 @dataclass
@@ -38,7 +38,7 @@ class Watch:
     @property
     def is_seen(self) -> bool:
         """Whether the operator gets events."""
-        return self.turns < MOST_TURNS
+        return self.turns < MAX_TURNS
 
 
 _watches: list[Watch] = []

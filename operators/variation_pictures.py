@@ -36,9 +36,9 @@ SIDE_PX, SAMPLES = (128, 96), (8, 48)
 #: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
 _WALK_PX = 1.0
 #: Maximum number of scenes whose pictures of both ends are kept.
-_MOST_SCENES = 32
+_MAX_SCENES = 32
 #: Maximum number of vertices of the ground of a picture.
-_MOST_VERTICES = 20000
+_MAX_VERTICES = 20000
 _pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
 
@@ -60,9 +60,9 @@ def make_rough_settings(settings: Settings) -> Settings:
             "rig": smaller,
             "dataset": {"headings": 1},
             "hapke": {"backend": "NODES", "accuracy": "FAST"},
-            "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(_MOST_VERTICES))},
-            "mesh": {"most": min(mesh.most, _MOST_VERTICES)},
-            "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS), "beyond_px": 0.0},
+            "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(_MAX_VERTICES))},
+            "mesh": {"most": min(mesh.most, _MAX_VERTICES)},
+            "rocks": {"most": min(settings.rocks.most, preview.MAX_ROCKS), "beyond_px": 0.0},
             "quality": {
                 "samples": SAMPLES[size],
                 "denoiser": "OIDN" if denoises else "NONE",
@@ -158,7 +158,7 @@ class _PictureJob(jobs.Job):
 
 def _keep_pictures(key: str, pictures: list[Array]) -> None:
     """Keep the pictures, uint8 RGB, under a key."""
-    if len(_made) >= _MOST_SCENES:
+    if len(_made) >= _MAX_SCENES:
         _pictures.collection.clear()
         _made.clear()
     first, last = (f"{len(_made)} {end}" for end in ("first", "last"))

@@ -27,7 +27,7 @@ from . import dialogs
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
 #: Maximum number of pairs whose ids are compared with an existing data set; the comparison takes a second.
-_MOST_COMPARED_PAIRS = 500
+_MAX_COMPARED_PAIRS = 500
 _EDITED_MESSAGE = (
     "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
     "press Build Scene to undo them."
@@ -89,7 +89,7 @@ def find_folder_fault(folder: Path, text: str) -> str:
         return f"{folder} contains another plan, {PLAN}; choose another folder."
     rendered |= {pair.id for pair in frozen.pairs} if frozen else set()
     if rendered and (
-        len(rendered) > _MOST_COMPARED_PAIRS or not rendered <= {p.id for p in parse_plan(path, text).pairs()}
+        len(rendered) > _MAX_COMPARED_PAIRS or not rendered <= {p.id for p in parse_plan(path, text).pairs()}
     ):
         return f"{folder} contains other pairs than those of these variations; choose another folder."
     return ""

@@ -26,7 +26,7 @@ from .operator_type import ExplainedOperator
 from .sidebar_text import format_for_window
 
 #: Number of values of a setting that the panel shows.
-_MOST_SHOWN_VALUES = 12
+_MAX_SHOWN_VALUES = 12
 #: Characters that a line of the list has room for.
 _LIST_LINE = 29
 _UNIT_TEXTS = {"deg": "°", "1": ""}
@@ -207,7 +207,7 @@ def describe_values(varied: VariedSetting) -> str:
         return ""
     values = [f"{value:.5g}" for value in list_values(varied)]
     return ", ".join(
-        values if len(values) <= _MOST_SHOWN_VALUES else [*values[: _MOST_SHOWN_VALUES - 1], "…", values[-1]]
+        values if len(values) <= _MAX_SHOWN_VALUES else [*values[: _MAX_SHOWN_VALUES - 1], "…", values[-1]]
     )
 
 

@@ -40,9 +40,9 @@ _STEEPEST_FACTOR = 2.0
 _WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
 #: Distance of the ground that lamps at the cameras make brightest, as a multiple of the height of the cameras.
 _GROUND_PER_HEIGHT = 1.5
-_MOST_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
+_MAX_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
 #: Light of ground that faces the planet, as a share of white, below which it is invisible: a step of 8 bits.
-_LEAST_VISIBLE_SHARE = 1 / 255
+_MIN_VISIBLE_SHARE = 1 / 255
 
 
 def estimate_white(settings: Settings, measured: float = 1.0) -> float:
@@ -88,11 +88,11 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = estimate_white(merged(settings, present), measured)
     if white > 0:
-        scene.view_settings.exposure = max(-_MOST_EXPOSURE_STOPS, min(_MOST_EXPOSURE_STOPS, -math.log2(white)))
+        scene.view_settings.exposure = max(-_MAX_EXPOSURE_STOPS, min(_MAX_EXPOSURE_STOPS, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure
     planet_wm2 = sidebar_text.compute_planetshine_wm2(sidebar_text.find_light(settings))
     _show_planetshine(
-        collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _LEAST_VISIBLE_SHARE * white
+        collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _MIN_VISIBLE_SHARE * white
     )
 
 

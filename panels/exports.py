@@ -8,7 +8,7 @@ from ..operators.export_pairs import find_export
 from .fields import draw_lines, draw_start
 
 #: Maximum number of sentences on an export in the sidebar; the Info editor has all sentences.
-_MOST_SENTENCES = 3
+_MAX_SENTENCES = 3
 
 
 def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str) -> None:
@@ -22,7 +22,7 @@ def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str)
         return
     if done.folder:
         layout.operator("wm.path_open", text="Open Exported Files", icon="FILE_FOLDER").filepath = done.folder
-    for sentence in done.sentences[:_MOST_SENTENCES]:
+    for sentence in done.sentences[:_MAX_SENTENCES]:
         draw_lines(layout, (sentence,), "ERROR")
-    if len(done.sentences) > _MOST_SENTENCES:
-        draw_lines(layout, (f"{len(done.sentences) - _MOST_SENTENCES} more in the Info editor",), "INFO")
+    if len(done.sentences) > _MAX_SENTENCES:
+        draw_lines(layout, (f"{len(done.sentences) - _MAX_SENTENCES} more in the Info editor",), "INFO")

@@ -24,7 +24,7 @@ _VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
 #: Characters that the icon of a button takes.
 _ICON_CHARACTERS = 4
 #: Maximum number of reasons below the fields of a panel, and of settings that a reason names.
-_MOST_REASONS, _MOST_DECIDING = 3, 2
+_MAX_REASONS, _MAX_DECIDING = 3, 2
 
 
 class _Field(NamedTuple):
@@ -69,14 +69,14 @@ def explain_grey_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[s
         found = list(dict.fromkeys(TOPICS[topic].list_obstacles(key, settings) or () for key in grey))
         # What one setting decides need not be said again with another.
         brief = [each for each in found if not any(set(other) < set(each) for other in found if other)]
-        _Found.reasons[topic, keys] = tuple(_explain_grey(topic, each, settings) for each in brief[:_MOST_REASONS])
+        _Found.reasons[topic, keys] = tuple(_explain_grey(topic, each, settings) for each in brief[:_MAX_REASONS])
     return _Found.reasons[topic, keys]
 
 
 def _explain_grey(topic: str, deciding: tuple[str, ...], settings: Settings) -> str:
     if not deciding:
         return f"Grey: unused by {TOPICS[topic].label}"
-    values = [describe_value(name, settings, topic) for name in deciding[:_MOST_DECIDING]]
+    values = [describe_value(name, settings, topic) for name in deciding[:_MAX_DECIDING]]
     more = len(deciding) - len(values)
     return f"Grey while {', '.join(values)} and {more} more" if more else f"Grey while {' and '.join(values)}"
 

@@ -18,7 +18,7 @@ from .sidebar_buttons import Button, draw_button, find_buttons
 #: Property of the window manager for the typed words; it is not saved.
 TYPED = "icymoon_sought"
 #: Maximum number of settings that are drawn, and of buttons.
-MOST_FOUND, MOST_BUTTONS = 12, 4
+MAX_FOUND, MAX_BUTTONS = 12, 4
 _POPUP_WIDTH_PX = 420
 #: (name, text, tooltip) of all settings for Blender's search, which follows the typing. Blender keeps no copy of them.
 _ITEMS = [
@@ -48,15 +48,15 @@ def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     found, root = find_settings(typed), context.scene.icymoon
     settings = scene_properties.read_for_display(root)
     buttons = find_buttons(typed)
-    drawn = buttons[:MOST_BUTTONS]
+    drawn = buttons[:MAX_BUTTONS]
     _draw_buttons(layout, [each.button for each in drawn if each.near])
-    for topic, key in found[:MOST_FOUND]:
+    for topic, key in found[:MAX_FOUND]:
         layout.separator(factor=0.5)
         _draw_found(layout.column(align=True), root, topic, key, settings)
     _draw_buttons(layout, [each.button for each in drawn if not each.near])
     if not found and not buttons:
         draw_lines(layout, ("Nothing has these words",), "INFO")
-    if more := max(0, len(found) - MOST_FOUND) + len(buttons) - len(drawn):
+    if more := max(0, len(found) - MAX_FOUND) + len(buttons) - len(drawn):
         draw_lines(layout, (f"{more} more; type another word",), "INFO")
 
 

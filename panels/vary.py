@@ -23,7 +23,7 @@ from .sidebar import Sidebar
 
 _VARIABLE_SETTINGS = frozenset(list_variable_settings())
 #: Number of curves with a button; the report shows all.
-_MOST_CURVES = 6
+_MAX_CURVES = 6
 
 
 class ICYMOON_UL_variations(RowsOfText, bpy.types.UIList):
@@ -131,7 +131,7 @@ def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if not found:
         return
     column = layout.column(align=True)
-    for name in found[:_MOST_CURVES]:
+    for name in found[:_MAX_CURVES]:
         column.operator("icymoon.show_curve", text=variation_curves.describe_curve(name), icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..support.arrays import Array
 
-_MOST_FLIP_ROUNDS = 80  # of flips; the triangles that could still be better are harmless
+_MAX_FLIP_ROUNDS = 80  # of flips; the triangles that could still be better are harmless
 
 
 def triangulate(random: np.random.Generator, heights: Array, triangles: int, flat: float) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ def _move_vertices(random: np.random.Generator, places: Array, faces: Array, siz
 def _flip_edges(random: np.random.Generator, places: Array, faces: Array) -> Array:
     """The faces after flips of the edges that violate the Delaunay condition."""
     faces = faces.copy()
-    for _ in range(_MOST_FLIP_ROUNDS):
+    for _ in range(_MAX_FLIP_ROUNDS):
         begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         other = faces[:, [2, 0, 1]].ravel()
         key = np.minimum(begin, end) * len(places) + np.maximum(begin, end)

@@ -38,14 +38,14 @@ from .surfaces.photometry import hemispherical_albedo
 from .terrain.standing_places import RockyGround, make_rocky_ground
 
 #: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
-LEAST_EYE_HEIGHT_M = 1e-3
+MIN_EYE_HEIGHT_M = 1e-3
 #: Cosines of the incidence, to 88.9 degrees, at which light returned by ice is compared with the light that it
 #: receives.
 _INCIDENCE_COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
 #: Largest share of light that Hapke's law may return, by H function. The excess is a fault of the approximation and not
 #: of parameters: grains of w 1 that scatter evenly return 1.040 of the light with the H function of 1981 and 0.993 with
 #: the others. The set published for Enceladus in 1994 returns 1.016.
-_MOST_RETURNED = {"1981": 1.045, "1993": 1.01, "2002": 1.01}
+_MAX_RETURNED = {"1981": 1.045, "1993": 1.01, "2002": 1.01}
 
 #: Settings that may put a camera beside the ground. A plan refuses such a camera; a render shows the ground from there,
 #: with a warning.
@@ -145,7 +145,7 @@ def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 def _find_excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
     """If ice returns too much light: the returned share, its incidence in degrees, and the largest allowed w with two
     digits; else None."""
-    most = _MOST_RETURNED[parameters.h_function]
+    most = _MAX_RETURNED[parameters.h_function]
     share, incidence = find_returned_share(parameters)
     if share <= most:
         return None
@@ -348,7 +348,7 @@ def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[R
     eyes = ground.eyes(x, y, height, np.array(aside))
     return [
         Reason(describe_buried_eye(rig, "left", -float(left)), "rig.z_m", *_POSE_SETTINGS)
-        if left < LEAST_EYE_HEIGHT_M
+        if left < MIN_EYE_HEIGHT_M
         else _find_eye_reason(rig, float(above), bool(inside))
         for rig, left, above, inside in zip(rigs, height, eyes.above_m, eyes.in_rock, strict=True)
     ]
@@ -360,7 +360,7 @@ def _find_eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason 
             f"{_find_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
             *OUTSIDE_SETTINGS,
         )
-    if above_m < LEAST_EYE_HEIGHT_M:
+    if above_m < MIN_EYE_HEIGHT_M:
         return Reason(describe_buried_eye(rig, "right", -above_m), *_POSE_SETTINGS)
     return Reason(describe_eye_in_rock(rig, "right"), *_POSE_SETTINGS) if in_rock else None
 
@@ -380,7 +380,7 @@ def describe_buried_lamp(number: int, depth_m: float | None) -> str:
 
 def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
-    ``LEAST_EYE_HEIGHT_M`` above it."""
+    ``MIN_EYE_HEIGHT_M`` above it."""
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
         f"{_find_camera_place(rig)}, has its {eye} eye {describe_depth(depth_m)}; raise {height} "
@@ -392,7 +392,7 @@ def describe_depth(depth_m: float) -> str:
     """Describe the position of a camera that is too low, by its depth in metres under the ground, negative above it."""
     if depth_m >= 0:
         return f"{depth_m:.3g} m under the ground"
-    return f"{-depth_m:.2g} m above the ground, less than {LEAST_EYE_HEIGHT_M:g} m"
+    return f"{-depth_m:.2g} m above the ground, less than {MIN_EYE_HEIGHT_M:g} m"
 
 
 def describe_eye_in_rock(rig: RigSettings, eye: str) -> str:

@@ -41,7 +41,7 @@ _ORIGIN, _NEAR, _DIRECTION, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 
 #: Least size of a direction's components. Embree divides by them, and packets with a smaller one may meet nothing.
 _LEAST = 1e-12
 #: Packets traced at a time: 44 MB.
-_MOST_PACKETS = 2**15
+_MAX_PACKETS = 2**15
 
 
 Library = ctypes.CDLL
@@ -203,8 +203,8 @@ class EmbreeTracer:
     ) -> Iterator[tuple[slice, Array]]:
         """Records (k, _PACKET_ROWS, RAYS_PER_PACKET) of rays, each with the slice of its rays."""
         count = len(direction)
-        for first in range(0, count, _MOST_PACKETS * RAYS_PER_PACKET):
-            part = slice(first, min(count, first + _MOST_PACKETS * RAYS_PER_PACKET))
+        for first in range(0, count, _MAX_PACKETS * RAYS_PER_PACKET):
+            part = slice(first, min(count, first + _MAX_PACKETS * RAYS_PER_PACKET))
             number = part.stop - part.start
             packets = _make_packets(-(-number // RAYS_PER_PACKET))
             for k in range(3):

@@ -21,7 +21,7 @@ from .surface import Surface, Tracer, find_surface
 #: Number of rays that are traced at a time: about 60 MB for all their data.
 _RAYS_AT_ONCE = 2**17
 #: Distance in metres below which a nearer surface returns no more energy.
-_LEAST_RANGE_M = 1e-6
+_MIN_RANGE_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -152,4 +152,4 @@ def _compute_energy(instrument: Instrument, laws: Mapping[int, Backscatter], see
             raise IcyMoonError(f"The LiDAR meets a surface with the label {label}, which has no law of reflectance.")
         chosen = np.flatnonzero(met & (seen.label == label))
         reflectance[chosen] = laws[label].find(cosine[chosen])
-    return instrument.collect(np.where(met, np.maximum(seen.along, _LEAST_RANGE_M), 1.0)) * reflectance
+    return instrument.collect(np.where(met, np.maximum(seen.along, _MIN_RANGE_M), 1.0)) * reflectance

@@ -14,7 +14,7 @@ from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
 
 #: Disparity in px by which an occluder must be nearer than the hidden point; see ``docs/theory/metrics.md``.
-LEAST_GAP_PX = 0.25
+MIN_GAP_PX = 0.25
 #: Side in pixels of a square whose rays are traced in a row, because they meet similar places.
 _TILE_SIDE_PX = 4
 #: Number of pixels traced at a time: 500 MB for all their data.
@@ -254,7 +254,7 @@ def find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Return whether a surface hides each point from the other eye, nearer by at least ``LEAST_GAP_PX`` of
+    """Return whether a surface hides each point from the other eye, nearer by at least ``MIN_GAP_PX`` of
     disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter the other eye sees the point in the
     same row."""
     hidden = np.zeros(len(along_m), bool)
@@ -265,6 +265,6 @@ def find_hidden(
     if axes.ndim == 3:
         axes, position = axes[asked], position[asked]
     reach = other.measure(to_eye(away[asked], axes))
-    end = 1.0 / (1.0 / reach + LEAST_GAP_PX / (eye.focal_px * baseline_m))
+    end = 1.0 / (1.0 / reach + MIN_GAP_PX / (eye.focal_px * baseline_m))
     hidden[asked] = tracer.is_blocked(position, away[asked] / reach[:, None], near_m, end)
     return hidden

@@ -14,12 +14,12 @@ from .shapes import Hits, World, dot_products, normalize
 #: Distance from a surface that a ray passes to the ray's new start, relative to the distance travelled.
 _STEP_BEYOND = 1e-6
 #: Maximum number of surfaces that a ray passes before it counts as ending nowhere.
-_MOST_PASSED_SURFACES = 64
+_MAX_PASSED_SURFACES = 64
 #: A ray passes a surface that transmits more than this share of light, as in Cycles' alpha threshold of depth.
 _PASSING_SHARE = 0.5
 #: Largest distance of a triangle's plane from the hit in single precision, relative to the ray's length. Above it the
 #: ray grazes the triangle.
-_MOST_PLANE_ERROR = 1e-4
+_MAX_PLANE_ERROR = 1e-4
 
 
 class Tracer(Protocol):
@@ -72,7 +72,7 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
         with np.errstate(divide="ignore", invalid="ignore"):
             before = normal @ origin if origin.ndim == 1 else dot_products(normal, origin[rays])
             exact = (height - before) / toward
-            near = np.abs(exact - hits.along[rays]) <= _MOST_PLANE_ERROR * hits.along[rays]
+            near = np.abs(exact - hits.along[rays]) <= _MAX_PLANE_ERROR * hits.along[rays]
         found.along[rays] = np.where(near, exact, hits.along[rays])
         found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]
         found.label[rays] = world.placed[number].shape.label[triangle]
@@ -126,7 +126,7 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
     if all(each.shape.passing is None for each in world.placed):
         return hits
     going = np.flatnonzero(_lets_pass(world, hits))
-    for _ in range(_MOST_PASSED_SURFACES):
+    for _ in range(_MAX_PASSED_SURFACES):
         if not len(going):
             break
         first = origin if origin.ndim == 1 else origin[going]

@@ -61,7 +61,7 @@ _DIRECT_LIGHT_SAMPLES = 2
 #: Samples that show whether a texel is within a rock.
 _OPEN_SKY_SAMPLES = 8
 #: Most samples of each of the three texels of a rock's point.
-_MOST_ROCK_SAMPLES = 16
+_MAX_ROCK_SAMPLES = 16
 _LIGHT_OF_NO_ROCKS = np.zeros((0, TERM_COUNT, 3), np.float32)
 #: By light group: parts of names and seeds that tell its bakes from the Sun's.
 _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
@@ -196,7 +196,7 @@ def _find_why_unsuitable(built: Built) -> str:
     polygons = built.terrain.data.polygons
     totals = np.empty(len(polygons), np.int32)
     polygons.foreach_get("loop_total", totals)
-    most = baked_texels.MOST_CORNERS
+    most = baked_texels.MAX_CORNERS
     return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
@@ -312,7 +312,7 @@ def bake_indirect_light(
         direct, halves, count = _bake_halves(run, seeds, quality, positions[lit], triangles, eye)
     if rocks is not None and len(rocks.data.vertices):
         with _hide_lamps(dark):
-            numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_ROCK_SAMPLES))
+            numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MAX_ROCK_SAMPLES))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
     values, error = np.zeros((len(lit), 3), np.float32), np.zeros(len(lit), np.float32)
     values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)

@@ -43,7 +43,7 @@ _BAKED_FACETS = 2_000_000
 _SOLVED_FACETS = 250_000
 #: Smallest determinant of the corner weights at texels from which shifts are solved. It is 0.25 for triangles and above
 #: 0.1 for quadrilaterals; only facets too narrow for single precision have less.
-_LEAST_DETERMINANT = 0.05
+_MIN_DETERMINANT = 0.05
 #: Weight of a narrow facet beside the other facets around a vertex, so it counts only alone.
 _NARROW_FACET_WEIGHT = 1e-6
 _TEMPORARY_NAME = "Icy Moon Moved"
@@ -216,7 +216,7 @@ def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array
         nearer = own.min(axis=2) > least
         least = np.where(nearer, own.min(axis=2), least)
         weights = np.where(nearer[..., None], new, weights)
-    sure = np.linalg.det(weights) > _LEAST_DETERMINANT
+    sure = np.linalg.det(weights) > _MIN_DETERMINANT
     weights[~sure] = np.eye(sides)
     return np.linalg.solve(weights, shift), sure
 

@@ -21,7 +21,7 @@ from .ground_maps import GroundMap
 
 #: Most triangles in formats without instances. Readers such as trimesh, with 64-bit numbers, take about 100 bytes for
 #: each, so this is 5 GB of memory.
-MOST_TRIANGLES = 50_000_000
+MAX_TRIANGLES = 50_000_000
 #: Formats without instances: bytes of a vertex with its normal, and of a triangle.
 _BYTES_WITHOUT_INSTANCES = {"ply": (24, 13), "obj": (75, 50)}
 #: Files of a map, with the meaning of their values.
@@ -123,7 +123,7 @@ def refuse_too_many_pairs(counts: Sequence[tuple[int, int, int]], suffix: str) -
         sum(column)
         for column in zip(*((place, place * own, place * those) for place, own, those in counts), strict=True)
     )
-    if triangles <= MOST_TRIANGLES:
+    if triangles <= MAX_TRIANGLES:
         return
     of_vertex, of_triangle = _BYTES_WITHOUT_INSTANCES[suffix]
     size = (vertices * of_vertex + triangles * of_triangle) / 1e9

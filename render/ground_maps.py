@@ -32,7 +32,7 @@ from ..support.errors import IcyMoonError, find_first_line
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, SKY_TAGS, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
-from .pairs.workspace_cells import MOST_CELLS, PLACES_PER_SIDE, Extent
+from .pairs.workspace_cells import MAX_CELLS, PLACES_PER_SIDE, Extent
 from .ray_stage import SceneRays
 from .render_camera import SAMPLE_OFFSET_PX
 
@@ -63,7 +63,7 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
     """The cells that cover a ground: its patch, or the bounding box of a ground from a file that has no
     surroundings.
 
-    Raises IcyMoonError for more than ``MOST_CELLS`` cells along a side.
+    Raises IcyMoonError for more than ``MAX_CELLS`` cells along a side.
     """
     if is_from_file(built.settings) and not has_surroundings(built.settings):
         corners = np.array(built.terrain.bound_box) @ np.array(built.terrain.matrix_world)[:3, :3].T
@@ -76,10 +76,10 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
     cell = cell_m or max(width, height) / DEFAULT_CELLS
     # An excess below a millionth of a cell adds no cell.
     columns, rows = (max(1, int(np.ceil(side / cell - 1e-6))) for side in (width, height))
-    if max(columns, rows) > MOST_CELLS:
+    if max(columns, rows) > MAX_CELLS:
         raise IcyMoonError(
-            f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MOST_CELLS} along a "
-            f"side; give {max(width, height) / MOST_CELLS:.3g} m or more."
+            f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MAX_CELLS} along a "
+            f"side; give {max(width, height) / MAX_CELLS:.3g} m or more."
         )
     middle_x, middle_y = (west + east) / 2, (south + north) / 2
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))

@@ -69,7 +69,7 @@ _TEMPORARY_BYTES_PER_PIXEL = 4 * 48
 
 
 #: Most triangles for which Cycles' data is kept between two renders, which takes half a gigabyte more.
-MOST_KEPT_TRIANGLES = 8_000_000
+MAX_KEPT_TRIANGLES = 8_000_000
 _TRACED_LIGHT = IndirectLight()
 #: The eye in whose image the noise of a pair is judged: only its file has the error of baked light.
 _NOISE_JUDGED_EYE = "left"
@@ -358,7 +358,7 @@ def _prepare_cycles(
         not blurred
         and len(lights) == 1
         and not scene.cycles.shading_system
-        and _count_triangles(built) <= MOST_KEPT_TRIANGLES
+        and _count_triangles(built) <= MAX_KEPT_TRIANGLES
     )
     return lights
 
@@ -525,7 +525,7 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render a depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_PER_PIXEL * pixels
+    too_many = kept and _count_triangles(built) > truth_without_light.MAX_TRIANGLES_PER_PIXEL * pixels
     with truth_without_light.remove_surfaces([] if too_many else built.materials):
         yield
 

@@ -12,7 +12,7 @@ from ..support.arrays import Array
 #: each is alone.
 _RAYS_PER_BUNDLE = 16
 #: Most rays traced at a time, a multiple of ``_RAYS_PER_BUNDLE``: Blender's answer for a ray takes 500 bytes.
-_MOST_RAYS = 2**16
+_MAX_RAYS = 2**16
 #: Number of spheres in the next larger one.
 _SPHERES_PER_GROUP = 8
 #: Bits per axis by which the order of spheres tells their places apart.
@@ -20,7 +20,7 @@ _BITS_PER_AXIS = 10
 #: Share by which spheres are larger than their contents, above the error of single precision.
 _SPHERE_MARGIN = 1e-5
 #: Cosine of half the angle between rays. Bundles wider than that are tested against everything.
-_LEAST_BUNDLE_COSINE = 0.1
+_MIN_BUNDLE_COSINE = 0.1
 #: Longest ray that Blender accepts as finite.
 _LONGEST_RAY = 1e37
 
@@ -83,8 +83,8 @@ class TreeTracer:
             np.zeros(count, np.float32),
             np.zeros(count, np.float32),
         )
-        for first in range(0, count, _MOST_RAYS):
-            part = np.arange(first, min(count, first + _MOST_RAYS))
+        for first in range(0, count, _MAX_RAYS):
+            part = np.arange(first, min(count, first + _MAX_RAYS))
             ray, place, entry = self._spheres.find_entered_spheres(
                 origin if origin.ndim == 1 else origin[part], direction[part], far[part]
             )
@@ -217,7 +217,7 @@ class _Spheres:
             touched = (across * cosine[bundle] - along * sine[bundle] <= radius[node]) & (
                 along * cosine[bundle] + across * sine[bundle] >= 0
             )
-            entered = (inside | touched | (cosine[bundle] < _LEAST_BUNDLE_COSINE)) & (
+            entered = (inside | touched | (cosine[bundle] < _MIN_BUNDLE_COSINE)) & (
                 distance - radius[node] <= end[bundle]
             )
             bundle, node = bundle[entered], node[entered]

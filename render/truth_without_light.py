@@ -14,7 +14,7 @@ import bpy
 #: Most triangles per pixel of an eye for which depth without surfaces saves time. Cycles reads a mesh again when its
 #: surface has changed, to none and back: 0.8 µs a triangle together. Without surfaces three renders save 14 µs a pixel
 #: of plain snow, and 33 of rough ice (``python benchmarks truth_cost``).
-MOST_TRIANGLES_PER_PIXEL = 16
+MAX_TRIANGLES_PER_PIXEL = 16
 #: Nodes of surfaces through which rays may pass, or that may contain such a node.
 _MAYBE_TRANSPARENT_NODES = {"ShaderNodeBsdfTransparent", "ShaderNodeHoldout", "ShaderNodeGroup", "ShaderNodeScript"}
 

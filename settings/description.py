@@ -34,7 +34,7 @@ MIN_SIMILARITY = 0.4
 #: Smallest magnitude that single precision rounds to infinity: its largest number plus half a step.
 _ROUNDS_TO_INFINITY = 2.0**128 - 2.0**103
 #: Maximum number of tables that are cached while many descriptions are read.
-_MOST_CACHED_TABLES = 2000
+_MAX_CACHED_TABLES = 2000
 #: Tables by topic, in which the settings of a description are collected.
 Tables = dict[str, dict[str, Any]]
 Made = TypeVar("Made")
@@ -250,7 +250,7 @@ def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, m
     """The result of ``make`` for a table; equal tables get the same cached result."""
     content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
-        if len(known) >= _MOST_CACHED_TABLES:
+        if len(known) >= _MAX_CACHED_TABLES:
             known.clear()
         known[topic, content] = make()
     return known[topic, content]

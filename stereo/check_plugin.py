@@ -23,7 +23,7 @@ from .measure.plug_in import MeasuredMap, PluginMetric
 _HEIGHT, _WIDTH, _FARTHEST_PX, _ROW_PX = 119, 161, 9.0, 0.1
 #: Largest error, px, of a working matcher in most of its pixels; a wrong sign or unit gives ten times this error.
 _RIGHT_PX = 1.0
-_LEAST_PX, _COUNT = 0, 32
+_MIN_PX, _COUNT = 0, 32
 #: The camera of the trial.
 _FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
@@ -59,7 +59,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     left, right, truth = make_textured_pair(colour=matcher.COLOUR)
 
     def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: object) -> Array:
-        given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
+        given = defaults | {"min_disparity": _MIN_PX, "disparities": count} | options
         result = matcher.compute(left, right, given, None)
         if result.confidence is not None:
             result.confidence.check(plugin.title, is_usable(result.disparity))
@@ -119,9 +119,9 @@ def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
 
 
 def _describe_outside(plugin: Plugin, found: Array) -> str:
-    count = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
+    count = int(((found < _MIN_PX - 1) | (found > _MIN_PX + _COUNT)).sum())
     return (
-        f"{plugin.title} returned {count} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
+        f"{plugin.title} returned {count} disparities outside {_MIN_PX} to {_MIN_PX + _COUNT - 1} px; "
         "search context.least_px to context.most_px, or return NaN."
         if count
         else ""

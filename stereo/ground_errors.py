@@ -29,7 +29,7 @@ from .measure.metrics import is_usable
 MEASURED, MISSING, COARSE, UNSEEN = range(4)
 #: Longest edge in the image, px. The ends of longer edges would not show the errors of the many pixels between them.
 #: This is twice the longest edge of level ground by default.
-MOST_EDGE_PX = 16.0
+MAX_EDGE_PX = 16.0
 #: Distance by which a visible vertex may lie beyond the true depths around it: disparity, px, and share of the depth.
 #: Ground is curved between pixel centres. Matchers are less precise than that, and the true depth is exact to 1e-4.
 _DEPTH_TOLERANCE_PX, _DEPTH_TOLERANCE_SHARE = 0.05, 1e-3
@@ -98,7 +98,7 @@ def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -
     kind[inside] = np.where(seen, np.where(np.isnan(found), MISSING, MEASURED), UNSEEN)
     coarse = np.zeros(len(place), bool)
     with np.errstate(invalid="ignore"):
-        long = ((place[edges[:, 0]] - place[edges[:, 1]]) ** 2).sum(axis=1) > MOST_EDGE_PX**2
+        long = ((place[edges[:, 0]] - place[edges[:, 1]]) ** 2).sum(axis=1) > MAX_EDGE_PX**2
     coarse[edges[long].ravel()] = True
     coarse &= kind != UNSEEN
     kind[coarse], error[coarse] = COARSE, np.nan
@@ -138,11 +138,11 @@ def choose_better_result(one: VertexErrors, other: VertexErrors) -> VertexErrors
 
 def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
     """Count the pixels with a true depth: ``far``, ``near``, ``right`` and ``missing``; and of all these ``coarse``,
-    in a square of MOST_EDGE_PX without a vertex that shows an error. ``places`` (n, 2) are these vertices in the image.
+    in a square of MAX_EDGE_PX without a vertex that shows an error. ``places`` (n, 2) are these vertices in the image.
     """
     known = np.isfinite(errors.truth)
     error = errors.error_m[known]
-    size = int(MOST_EDGE_PX)
+    size = int(MAX_EDGE_PX)
     cells = np.zeros([-(-n // size) for n in errors.truth.shape], bool)
     column, row = (places // size).astype(np.intp).T
     cells[row, column] = True

@@ -20,7 +20,7 @@ from .export.lidar import ScanPoints, count_points, read_facts, read_points
 from .images.colours import INVALID_GREY, Scale, colour_signed_errors
 
 #: Most points of a scan that are kept for a view.
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 INTENSITY, RANGE_ERROR, ICE_DELAY, RETURN_NUMBER = "INTENSITY", "RANGE_ERROR", "ICE_DELAY", "RETURN_NUMBER"
 #: Range error in metres that counts as right, and the error with the full colour; the same for the delay in ice.
 _RIGHT_M, _FULL_M = 1e-3, 0.1
@@ -57,7 +57,7 @@ _ARRAYS = ("point_m", "range_m", "error_m", "light", "ice_m", "order")
 
 
 def read_shown_points(
-    folders: Sequence[Path], most: int = MOST_POINTS, report: Callable[[float, str], object] = lambda share, text: None
+    folders: Sequence[Path], most: int = MAX_POINTS, report: Callable[[float, str], object] = lambda share, text: None
 ) -> ShownPoints:
     """``most`` random points of the scans in some folders, or all of fewer; the same each time.
 

@@ -32,7 +32,7 @@ _CLASSES = (
     "hidden from the right eye"
 )
 #: Width of a cell in pixels at the median depth, where none is stated, and the most cells along a side.
-_PIXELS, _MOST_CELLS = 3.0, 2048
+_PIXELS, _MAX_CELLS = 3.0, 2048
 #: Share of the true points, from the nearest on, that the cells contain.
 _SHARE = 0.9
 #: Share of a cell's points from which its class follows.
@@ -83,11 +83,11 @@ def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
     rows = _range_of_cells((northing - south) / pixel[1], counts[1])
     if not len(columns) or not len(rows):
         raise IcyMoonError(f"Cells of {cell_m:g} m are larger than the map of the ground; give smaller ones to --maps.")
-    if max(len(columns), len(rows)) > _MOST_CELLS:
-        least = cell_m * max(len(columns), len(rows)) / _MOST_CELLS
+    if max(len(columns), len(rows)) > _MAX_CELLS:
+        least = cell_m * max(len(columns), len(rows)) / _MAX_CELLS
         raise IcyMoonError(
             f"Cells of {cell_m:g} m are {len(columns)} x {len(rows)}; give --maps {least:.2g} or more, for at most "
-            f"{_MOST_CELLS} a side."
+            f"{_MAX_CELLS} a side."
         )
     corner = west + columns.start * pixel[0], south + rows.stop * pixel[1]
     x, y = frame.to_site(*corner)

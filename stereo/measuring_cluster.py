@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Any
 
 from ..render.workers.dask_cluster import connect_cluster
-from ..render.workers.runner import MOST_CRASHES
+from ..render.workers.runner import MAX_CRASHES
 from ..support.errors import DiskError
 from .evaluated_pairs import Source, find_sources
 from .matchers.methods import Method
@@ -56,7 +56,7 @@ def measure_on_cluster(
             while True:
                 workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
                 while len(busy) < _TASKS_PER_WORKER * workers and (task := next(tasks, None)) is not None:
-                    future = client.submit(measure_task, setup, asdict(task), retries=MOST_CRASHES - 1, pure=False)
+                    future = client.submit(measure_task, setup, asdict(task), retries=MAX_CRASHES - 1, pure=False)
                     busy[future] = task
                     ended.add(future)
                 if not busy:

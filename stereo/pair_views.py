@@ -28,7 +28,7 @@ from .images.exr import read_depth, read_light
 from .images.lettering import measure_text_width_px, put_text
 
 #: Columns or rows of an eye's image beyond which the views are reduced.
-MOST_PX = 1280
+MAX_PX = 1280
 _INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark theme
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
 _COLOUR_SHARE = 0.6  # of the depth's colours over the left image
@@ -36,7 +36,7 @@ _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 
 
 #: Share of the range of an image below which a pixel looks black, and the share of such pixels that a line names.
-_BLACK_LEVEL, _LEAST_BLACK_SHARE = 0.04, 0.5
+_BLACK_LEVEL, _MIN_BLACK_SHARE = 0.04, 0.5
 #: An image whose brightest hundredth is below this share of the range has too little exposure everywhere.
 _LIT_LEVEL = 0.2
 
@@ -47,7 +47,7 @@ def describe_darkness(levels: Array) -> str:
     ``levels``, of any shape, are the numbers of the image as shares of their range, as a screen shows them.
     """
     black = float(np.mean(levels < _BLACK_LEVEL))
-    if black < _LEAST_BLACK_SHARE:
+    if black < _MIN_BLACK_SHARE:
         return ""
     cause = "shadow or sky" if np.quantile(levels, 0.99) >= _LIT_LEVEL else "low exposure"
     return f"{100 * black:.0f} % dark: {cause}"
@@ -151,7 +151,7 @@ class PairViews:
         return legend
 
 
-def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], most_px: int = MOST_PX) -> PairViews:
+def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], most_px: int = MAX_PX) -> PairViews:
     """Read a pair and develop it as ``develop`` does; ``response`` overrides settings that need no new render.
 
     Images of more than ``most_px`` columns or rows are reduced. Raises IcyMoonError if the pair is gone, damaged or

@@ -40,7 +40,7 @@ from .images.image_files import write_npz, write_png
 from .images.views import read_eye
 
 #: Least difference of white and black in a decoded image, as a share of full scale.
-_LEAST_CONTRAST = 0.04
+_MIN_CONTRAST = 0.04
 _RENDER_AGAIN = "move the folder away and run icymoon projector again"
 _INDIRECT_NOTE = (
     "projector: the light of the lamp that reaches a pixel over other ground is spread as by an even field."
@@ -229,7 +229,7 @@ def decode_pair(
     for eye in EYES:
         pose, (_, view) = white.rectified_pose(eye), read_eye(white, eye)
         assert pose is not None
-        column = decode_columns(np.stack(images[eye]), projector, pattern.period_px, _LEAST_CONTRAST * (2.0**bits - 1))
+        column = decode_columns(np.stack(images[eye]), projector, pattern.period_px, _MIN_CONTRAST * (2.0**bits - 1))
         depth = triangulate_columns(column, projector, found.pose, pose, make_pixel_rays(white.camera))
         place = white.camera.cropped(found.place[eye][..., 0])
         decoded[eye] = Decoded(column, place, depth, view.depth)

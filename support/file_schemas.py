@@ -17,7 +17,7 @@ from typing import Any, TypeGuard
 
 from .errors import IcyMoonError
 from .files import quote, read_text
-from .foreign_bytes import MOST_TEXT_BYTES, ForeignBytes, RefusedError, decode_text, describe_reason, parse_json, read
+from .foreign_bytes import MAX_TEXT_BYTES, ForeignBytes, RefusedError, decode_text, describe_reason, parse_json, read
 from .suggestions import suggest_nearest
 from .system import find_name_fault
 
@@ -176,7 +176,7 @@ def read_number_lines(
         lambda foreign: _parse_number_lines(foreign, columns, most),
         "a table of numbers",
         f"check {setting}",
-        most=MOST_TEXT_BYTES,
+        most=MAX_TEXT_BYTES,
     )
 
 

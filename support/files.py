@@ -18,7 +18,7 @@ from pathlib import Path
 
 from . import system
 from .errors import DiskError, IcyMoonError
-from .foreign_bytes import MOST_TEXT_BYTES, decode_text, read_regular
+from .foreign_bytes import MAX_TEXT_BYTES, decode_text, read_regular
 from .printer import show_controls
 
 PART_SUFFIX = ".part"
@@ -27,7 +27,7 @@ _CHECKSUM_STEP_BYTES = 2**18
 #: Whole numbers above this are quoted as a number of digits.
 _LARGEST_QUOTED_NUMBER = 10**20
 #: Maximum number of values of a list that are quoted.
-_MOST_QUOTED_VALUES = 8
+_MAX_QUOTED_VALUES = 8
 #: Longest name in bytes of usual file systems.
 _LONGEST_NAME_BYTES = 255
 #: Longest path in characters.
@@ -89,9 +89,9 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 def read_text(path: Path) -> str:
     """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError if the file
-    cannot be read, and ValueError for content other than text or for more than ``MOST_TEXT`` bytes.
+    cannot be read, and ValueError for content other than text or for more than ``MAX_TEXT`` bytes.
     """
-    return decode_text(read_regular(path, MOST_TEXT_BYTES))
+    return decode_text(read_regular(path, MAX_TEXT_BYTES))
 
 
 def is_of_file_manager(name: str) -> bool:
@@ -266,9 +266,7 @@ def quote(value: object) -> str:
     if isinstance(value, Mapping):
         return "a table"
     if isinstance(value, list | tuple):
-        plain = len(value) <= _MOST_QUOTED_VALUES and not any(
-            isinstance(each, Mapping | list | tuple) for each in value
-        )
+        plain = len(value) <= _MAX_QUOTED_VALUES and not any(isinstance(each, Mapping | list | tuple) for each in value)
         return shorten(f"[{', '.join(map(quote, value))}]") if plain else f"a list of {len(value)}"
     return shorten(repr(value))
 

@@ -37,41 +37,41 @@ if TYPE_CHECKING:
 
 Parsed = TypeVar("Parsed")
 #: Default limit of the bytes of a file.
-MOST_BYTES = 2**30
+MAX_BYTES = 2**30
 #: Default limit of the memory in bytes of its content.
-MOST_MEMORY = 2**28
+MAX_MEMORY = 2**28
 #: Largest text file in bytes: a plan of 100,000 pairs has 40 MB.
-MOST_TEXT_BYTES = 2**26
+MAX_TEXT_BYTES = 2**26
 #: Longest line in bytes of a text that is read line by line.
 LONGEST_LINE_BYTES = 2**16
 #: Longest TOML text in characters; it takes at most 4 s and 500 MB.
-MOST_TOML_CHARACTERS = 4_000_000
+MAX_TOML_CHARACTERS = 4_000_000
 #: Maximum number of parts of a key.
-_MOST_KEY_PARTS = 10
+_MAX_KEY_PARTS = 10
 #: Maximum number of parts of all keys together; each may be a table.
-_MOST_TOML_TABLES = 400_000
+_MAX_TOML_TABLES = 400_000
 #: Maximum number of lists and tables of a JSON text; each takes about 100 bytes of memory.
-_MOST_JSON_LISTS = 1_000_000
+_MAX_JSON_LISTS = 1_000_000
 #: Maximum number of values of a JSON text; each takes about 40 bytes.
-_MOST_JSON_VALUES = 5_000_000
+_MAX_JSON_VALUES = 5_000_000
 #: Maximum number of readings of each byte of a file; formats whose tables lead to their data need two.
-_MOST_READINGS = 4
+_MAX_READINGS = 4
 #: Maximum number of digits of a whole number in a TOML file, so that a float can hold it.
-_MOST_DIGITS = 308
+_MAX_DIGITS = 308
 #: Maximum number of bits of such a number.
-_MOST_BITS = 1023
+_MAX_BITS = 1023
 #: A line with a larger hexadecimal number is longer than this number of characters.
 _HEX_LINE_CHARACTERS = 255
 #: Least number of bytes that are split into lines at a time.
 _LINES_STEP_BYTES = 2**16
 #: Maximum number of members of an archive.
-_MOST_MEMBERS = 1000
+_MAX_MEMBERS = 1000
 #: Largest header of an array in bytes.
-_MOST_HEADER_BYTES = 10_000
+_MAX_HEADER_BYTES = 10_000
 #: Memory in bytes, rounded up, of an element, an attribute or a reference of an XML text.
 _XML_PART_BYTES = 256
 #: Largest list of an archive's members in bytes.
-_MOST_DIRECTORY_BYTES = 2**20
+_MAX_DIRECTORY_BYTES = 2**20
 #: Bytes of the smallest record at the end of an archive.
 _ARCHIVE_END_BYTES = 22
 #: Bytes that are unpacked at a time.
@@ -96,7 +96,7 @@ class OverBudgetError(Exception):
 class Budget:
     """The bytes of memory that a parser may still take."""
 
-    def __init__(self, most: int = MOST_MEMORY) -> None:
+    def __init__(self, most: int = MAX_MEMORY) -> None:
         self.most = self.left = most
 
     def charge(self, count: int, what: str = "content") -> int:
@@ -190,7 +190,7 @@ class ForeignBytes:
 
     def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
         self._source, self.size, self.budget, self.name = source, size, budget, name
-        self._readable = _MOST_READINGS * size + 2**16
+        self._readable = _MAX_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
         """Bytes at any place. Raises ValueError for bytes outside the file, OverBudgetError if the same bytes are
@@ -234,8 +234,8 @@ def read(
     parse: Callable[[ForeignBytes], Parsed],
     kind: str,
     fix: str,
-    most: int = MOST_BYTES,
-    memory: int = MOST_MEMORY,
+    most: int = MAX_BYTES,
+    memory: int = MAX_MEMORY,
 ) -> Parsed:
     """Read a file and return the result of ``parse``.
 
@@ -260,7 +260,7 @@ def read(
 
 
 def parse_part(
-    data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, memory: int = MOST_MEMORY
+    data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, memory: int = MAX_MEMORY
 ) -> Parsed:
     """The result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
     with explain_errors(where, kind, fix):
@@ -292,7 +292,7 @@ def describe_reason(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # this name means nothing to a user
-        return f"it has a number of more than {_MOST_DIGITS} digits"
+        return f"it has a number of more than {_MAX_DIGITS} digits"
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
     if isinstance(error, IndexError):
@@ -366,14 +366,14 @@ def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[t
 
 def parse_json(text: str | bytes) -> Any:
     """The content of a JSON text. Raises ValueError for other texts, for a number that is not finite, and for more than
-    ``_MOST_JSON_VALUES`` values."""
+    ``_MAX_JSON_VALUES`` values."""
     # Each bracket and comma adds at most one value. Brackets and commas within texts count too; files have few.
     if isinstance(text, bytes):
         lists, commas = text.count(b"[") + text.count(b"{"), text.count(b",")
     else:
         lists, commas = text.count("[") + text.count("{"), text.count(",")
-    if lists > _MOST_JSON_LISTS or commas > _MOST_JSON_VALUES:
-        raise ValueError(f"it has more than {_MOST_JSON_LISTS} lists and tables, or {_MOST_JSON_VALUES} values")
+    if lists > _MAX_JSON_LISTS or commas > _MAX_JSON_VALUES:
+        raise ValueError(f"it has more than {_MAX_JSON_LISTS} lists and tables, or {_MAX_JSON_VALUES} values")
     try:
         return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
@@ -407,10 +407,10 @@ def make_path_hint(error: ValueError) -> str:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for other texts,
-    for more than ``MOST_TOML_CHARACTERS`` characters, and for keys of more than ten parts."""
-    if len(text) > MOST_TOML_CHARACTERS:
+    for more than ``MAX_TOML_CHARACTERS`` characters, and for keys of more than ten parts."""
+    if len(text) > MAX_TOML_CHARACTERS:
         raise tomllib.TOMLDecodeError(
-            f"it has {len(text) / 1e6:.0f} million characters, more than {MOST_TOML_CHARACTERS / 1e6:g}"
+            f"it has {len(text) / 1e6:.0f} million characters, more than {MAX_TOML_CHARACTERS / 1e6:g}"
         )
     tables, long_lines = 0, False
     for number, line in enumerate(text.split("\n"), 1):  # tomllib looks up each beginning of a key
@@ -420,12 +420,10 @@ def parse_toml(text: str) -> dict[str, Any]:
         head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
         parts = head.partition(",")[0].count(".")
         tables += parts
-        if parts > _MOST_KEY_PARTS:
-            raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_KEY_PARTS} parts")
-        if tables > _MOST_TOML_TABLES:
-            raise tomllib.TOMLDecodeError(
-                f"up to line {number} it has more than {_MOST_TOML_TABLES} tables in its keys"
-            )
+        if parts > _MAX_KEY_PARTS:
+            raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MAX_KEY_PARTS} parts")
+        if tables > _MAX_TOML_TABLES:
+            raise tomllib.TOMLDecodeError(f"up to line {number} it has more than {_MAX_TOML_TABLES} tables in its keys")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -448,8 +446,8 @@ def _refuse_long_numbers(data: dict[str, Any]) -> None:
             left += value.values()
         elif isinstance(value, list):
             left += value
-        elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
-            raise tomllib.TOMLDecodeError(f"it has a number of more than {_MOST_DIGITS} digits")
+        elif isinstance(value, int) and value.bit_length() > _MAX_BITS:
+            raise tomllib.TOMLDecodeError(f"it has a number of more than {_MAX_DIGITS} digits")
 
 
 def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
@@ -508,7 +506,7 @@ def _read_array(cursor: Cursor, kinds: str) -> Array:
     if major not in (1, 2, 3):
         raise ValueError(f"version {major} of an array")
     length = cursor.number("<H" if major == 1 else "<I")
-    if length > _MOST_HEADER_BYTES:
+    if length > _MAX_HEADER_BYTES:
         raise ValueError(f"a header of {length} bytes")
     stated = io.BytesIO(struct.pack("<I", length) + cursor.take(length))
     try:
@@ -551,10 +549,10 @@ def _check_directory(data: bytes) -> None:
     if end < 0 or end + _ARCHIVE_END_BYTES > len(data):
         raise ValueError("it has no list of members")
     count, size = struct.unpack_from("<HI", data, end + 10)
-    if count > _MOST_MEMBERS or size > _MOST_DIRECTORY_BYTES or data.rfind(b"PK\x06\x07", max(0, end - 20), end) >= 0:
-        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
-    if data.count(b"PK\x01\x02", max(0, end - size), end) > _MOST_MEMBERS:
-        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+    if count > _MAX_MEMBERS or size > _MAX_DIRECTORY_BYTES or data.rfind(b"PK\x06\x07", max(0, end - 20), end) >= 0:
+        raise ValueError(f"it has more than {_MAX_MEMBERS} members")
+    if data.count(b"PK\x01\x02", max(0, end - size), end) > _MAX_MEMBERS:
+        raise ValueError(f"it has more than {_MAX_MEMBERS} members")
 
 
 def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, size: int) -> memoryview:

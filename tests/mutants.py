@@ -88,7 +88,7 @@ OPERATORS = (
 )
 WANTED = 0.9
 #: How much longer than unmutated code a mutant may take: it may loop for ever, and the machine may be busy.
-PATIENCE, LEAST_S = 8.0, 60.0
+PATIENCE, MIN_S = 8.0, 60.0
 KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
 
 
@@ -280,7 +280,7 @@ def judged(
     module: str, path: Path, mutants: Sequence[Mutant], tests: Sequence[str], seconds: Mapping[str, float], jobs: int
 ) -> Iterator[tuple[Mutant, str, str]]:
     """Every mutant with its verdict and the test that killed it; ``seconds`` is what each test takes without one."""
-    limit_s = max(LEAST_S, PATIENCE * sum(seconds.values()))
+    limit_s = max(MIN_S, PATIENCE * sum(seconds.values()))
     waiting, running = list(mutants), dict[Mutant, Trial]()
     while waiting or running:
         while waiting and len(running) < jobs:

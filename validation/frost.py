@@ -26,12 +26,12 @@ from .comparison import Bench, Comparison, Row
 #: Size in metres of a patch and spacing of the grid on which both grounds are measured; a quarter is a quadrant.
 SIZE_M, SPACING_M = 5.0, 0.02
 #: Least side in metres of a scan; a smaller one is not in metres.
-_LEAST_SIDE_M = 4.0
+_MIN_SIDE_M = 4.0
 #: Largest side in metres of a scan.
-_MOST_SIDE_M = 12.0
+_MAX_SIDE_M = 12.0
 #: Largest share of cells without a point; these cells get the mean of their neighbours.
-_MOST_HOLES_SHARE = 0.05
-_MOST_TRIANGLES = 20_000_000
+_MAX_HOLES_SHARE = 0.05
+_MAX_TRIANGLES = 20_000_000
 #: Distance in metres of the slope that chooses the preset.
 _CHOOSING_LAG_M = 0.5
 #: Distance of the slope that is judged.
@@ -65,7 +65,7 @@ def read_scan(path: Path) -> Array:
     holes.
     """
     if path.suffix.lower() == ".obj":
-        points, _ = read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES), "a mesh in OBJ", _FIX)
+        points, _ = read(path, lambda foreign: parse_triangles(foreign, _MAX_TRIANGLES), "a mesh in OBJ", _FIX)
     else:
         found = read_vertices(path)
         if found is None:
@@ -73,10 +73,10 @@ def read_scan(path: Path) -> Array:
         points = found
     points = points[np.isfinite(points).all(axis=1)]
     sides = np.ptp(points[:, :2], axis=0) if len(points) else np.zeros(2)
-    if not (sides.min() >= _LEAST_SIDE_M and sides.max() <= _MOST_SIDE_M):
+    if not (sides.min() >= _MIN_SIDE_M and sides.max() <= _MAX_SIDE_M):
         raise IcyMoonError(
             f"{path}: is {sides[0]:.3g} x {sides[1]:.3g} wide; a scan has sides of "
-            f"{_LEAST_SIDE_M:g} to {_MOST_SIDE_M:g} m, in "
+            f"{_MIN_SIDE_M:g} to {_MAX_SIDE_M:g} m, in "
             "metres with z up."
         )
     return _fill_holes(path, *_sum_into_cells(points, min(SIZE_M, float(sides.min()))))
@@ -96,10 +96,10 @@ def _sum_into_cells(points: Array, side_m: float) -> tuple[Array, Array]:
 def _fill_holes(path: Path, sums: Array, counts: Array) -> Array:
     """Mean heights of the cells; those without a point have the mean of their neighbours."""
     holes = float(np.mean(counts == 0))
-    if holes > _MOST_HOLES_SHARE:
+    if holes > _MAX_HOLES_SHARE:
         raise IcyMoonError(
             f"{path}: {holes:.0%} of the cells of {SPACING_M * 100:g} cm have no point, "
-            f"{_MOST_HOLES_SHARE:.0%} are allowed; "
+            f"{_MAX_HOLES_SHARE:.0%} are allowed; "
             "give the scan at full resolution."
         )
     with np.errstate(invalid="ignore"):

@@ -39,26 +39,26 @@ _RENDER_COLUMNS = 480
 #: Columns of the renders of a quick run.
 _QUICK_COLUMNS = 320
 #: Least overlap of rocks.
-_LEAST_ROCK_OVERLAP = 0.85
+_MIN_ROCK_OVERLAP = 0.85
 #: Least overlap of shadows.
-_LEAST_SHADOW_OVERLAP = 0.75
+_MIN_SHADOW_OVERLAP = 0.75
 #: Largest error of a shadow's length, as a share of it.
-_MOST_TIP_ERROR = 0.02
+_MAX_TIP_ERROR = 0.02
 #: Largest median distance of outlines in pixels.
-_MOST_OUTLINE_ERROR_PX = 1.0
+_MAX_OUTLINE_ERROR_PX = 1.0
 #: Largest error of the baseline in metres.
-_MOST_BASELINE_ERROR_M = 0.01
+_MAX_BASELINE_ERROR_M = 0.01
 #: Largest error of a lamp's place in metres.
-_MOST_LAMP_ERROR_M = 0.3
+_MAX_LAMP_ERROR_M = 0.3
 #: Largest error of a rock's disparity in pixels.
-_MOST_DISPARITY_ERROR_PX = 1.0
+_MAX_DISPARITY_ERROR_PX = 1.0
 #: Least length in metres of a shadow whose tip is compared; shorter ones are lost between ripples of the sand.
-_LEAST_SHADOW_M = 0.15
+_MIN_SHADOW_M = 0.15
 #: Largest share of the outlined rocks without a scan: twice what terrain 04 has, whose 28 numbered rocks were all
 #: scanned and have a share of 3.6 % each in the mean.
-_MOST_UNSCANNED_SHARE = 0.02
+_MAX_UNSCANNED_SHARE = 0.02
 #: Largest share of a photograph that may be shadow of the sand alone.
-_MOST_SAND_SHADOW_SHARE = 0.005
+_MAX_SAND_SHADOW_SHARE = 0.005
 _SOURCE = "POLAR-Sim's outlines by hand of NASA's photographs"
 _SURVEY = "POLAR-Sim's survey"
 _EYE_NAMES = {"L": "left", "R": "right"}
@@ -165,12 +165,12 @@ def _make_camera_rows(camera: Calibration) -> list[Row]:
             "camera: median distance of outlines from rocks",
             camera.median_px,
             0.0,
-            _MOST_OUTLINE_ERROR_PX,
+            _MAX_OUTLINE_ERROR_PX,
             _SOURCE,
             "px",
             fitted=True,
         ),
-        Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _MOST_BASELINE_ERROR_M, _SURVEY, "m"),
+        Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _MAX_BASELINE_ERROR_M, _SURVEY, "m"),
     ]
 
 
@@ -180,7 +180,7 @@ def _make_lamp_rows(lamps: dict[int, Array]) -> list[Row]:
             f"lamp at {azimuth}°: distance from the survey",
             float(np.linalg.norm((lamp - SURVEYED_LAMPS[azimuth])[:2])),
             0.0,
-            _MOST_LAMP_ERROR_M,
+            _MAX_LAMP_ERROR_M,
             _SURVEY,
             "m",
             fitted=True,
@@ -196,7 +196,7 @@ def _make_unscanned_rows(terrain: Terrain, left_out: dict[tuple[View, int], Left
             f"outlined rocks without a scan, position {position}: share of the area",
             float(np.mean([each.share for (view, _), each in left_out.items() if view.position == position])),
             0.0,
-            _MOST_UNSCANNED_SHARE,
+            _MAX_UNSCANNED_SHARE,
             _SOURCE,
         )
         for position in terrain.positions
@@ -214,7 +214,7 @@ def _make_own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]
                 if view.position == position
             ),
             0.0,
-            _MOST_SAND_SHADOW_SHARE,
+            _MAX_SAND_SHADOW_SHARE,
             "no shadow of the sand is outlined",
         )
         for position in terrain.positions
@@ -229,7 +229,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             position,
             masks,
             lambda each: compute_intersection_over_union(each.our_rock, each.rock),
-            _LEAST_ROCK_OVERLAP,
+            _MIN_ROCK_OVERLAP,
             _label_agreement_text(hand.rocks[position]),
         )
     for position in terrain.positions:
@@ -238,7 +238,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             position,
             masks,
             lambda each: compute_intersection_over_union(each.our_shadow, each.shadow),
-            _LEAST_SHADOW_OVERLAP,
+            _MIN_SHADOW_OVERLAP,
             "The left eye's outlines, projected into the right eye over the fitted sand, agree with the right eye's to "
             f"{hand.shadows[position]:.2f}",
         )
@@ -291,8 +291,8 @@ def _make_shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lam
     quantity = f"tips of {len(errors)} shadows, right eyes: median"
     why = f"Half of the outlined tips differ {', and '.join(again)}" if again else ""
     return [
-        Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _MOST_TIP_ERROR, _SOURCE, why=why),
-        Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _MOST_TIP_ERROR, _SOURCE, why=why),
+        Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _MAX_TIP_ERROR, _SOURCE, why=why),
+        Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _MAX_TIP_ERROR, _SOURCE, why=why),
     ]
 
 
@@ -313,7 +313,7 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
             cast = trace_lamp_to_sand(top, lamp, table)
             away = sand.middles[k] - lamp[:2]
             along = (cast[:, :2] - sand.middles[k]) @ away / np.linalg.norm(away)
-            if along.max() < _LEAST_SHADOW_M:
+            if along.max() < _MIN_SHADOW_M:
                 continue
             foot = np.array([*sand.middles[k], float(table(sand.middles[k][None])[0])])
             reach = _measure_labelled_reach(eye.project(np.stack([foot, cast[along.argmax()]])), outlines)
@@ -388,7 +388,7 @@ def _make_disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, fram
                     f"disparity of {len(apart)} rocks, position {position}: median size of the difference",
                     float(np.median(np.abs(apart))),
                     0.0,
-                    _MOST_DISPARITY_ERROR_PX,
+                    _MAX_DISPARITY_ERROR_PX,
                     _SOURCE,
                     "px",
                 )

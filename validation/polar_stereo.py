@@ -31,7 +31,7 @@ from .polar.scene import Frame, Masks
 
 METHODS = ("bm", "sgbm")
 #: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
-_MOST_SHARE_DIFFERENCE = 0.1
+_MAX_SHARE_DIFFERENCE = 0.1
 #: A pixel is judged if it is at least this many pixels inside an outline.
 _INSET_PX = 2
 #: Least number of judged pixels of a pair.
@@ -61,7 +61,7 @@ def judge_stereo(
                 "matchers on the photographs",
                 nothing,
                 nothing,
-                _MOST_SHARE_DIFFERENCE,
+                _MAX_SHARE_DIFFERENCE,
                 _SOURCE,
                 unjudged=_WHY_NO_PHOTOGRAPHS,
             )
@@ -80,13 +80,13 @@ def _make_share_rows(shares: Array) -> list[Row]:
         farthest = max(family.low[k], family.high[k], key=abs)
         rows += [
             Row(
-                f"{name}: mean of the twins and of the photographs", twin, photographed, _MOST_SHARE_DIFFERENCE, _SOURCE
+                f"{name}: mean of the twins and of the photographs", twin, photographed, _MAX_SHARE_DIFFERENCE, _SOURCE
             ),
             Row(
                 f"{name}: farthest end of the 95 % interval of the typical difference",
                 float(farthest),
                 0.0,
-                _MOST_SHARE_DIFFERENCE,
+                _MAX_SHARE_DIFFERENCE,
                 _SOURCE,
                 unjudged=few,
             ),

@@ -20,11 +20,11 @@ _PHASES_DEG = (10.0, 25.0, 40.0, 55.0, 70.0, 85.0, 100.0, 115.0)
 #: Phase angles in degrees of a quick run.
 _QUICK_PHASES_DEG = (25.0, 70.0, 100.0)
 #: Largest incidence in the range of the formula.
-_MOST_INCIDENCE_RAD = math.radians(snow.LARGEST_INCIDENCE_DEG)
+_MAX_INCIDENCE_RAD = math.radians(snow.LARGEST_INCIDENCE_DEG)
 #: Largest emission angle in its range.
-_MOST_EMISSION_RAD = math.radians(snow.LARGEST_EMISSION_DEG)
+_MAX_EMISSION_RAD = math.radians(snow.LARGEST_EMISSION_DEG)
 #: Least azimuth from the plane of the Sun.
-_LEAST_OFF_PLANE_RAD = math.radians(20)
+_MIN_OFF_PLANE_RAD = math.radians(20)
 _CAMERA_DISTANCE_RADII = 100.0
 _SOURCE = "Kokhanovsky and Zege 2004, Applied Optics 43, 1589, itself within about 5 % of measurements"
 _CELL_RAD = math.radians(10.0)
@@ -36,9 +36,9 @@ def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
         side = np.abs(np.sin(image.azimuth))
         with np.errstate(invalid="ignore"):
             inside = (
-                (image.incidence <= _MOST_INCIDENCE_RAD)
-                & (image.emission <= _MOST_EMISSION_RAD)
-                & (side >= math.sin(_LEAST_OFF_PLANE_RAD))
+                (image.incidence <= _MAX_INCIDENCE_RAD)
+                & (image.emission <= _MAX_EMISSION_RAD)
+                & (side >= math.sin(_MIN_OFF_PLANE_RAD))
             )
         angles = np.stack([image.incidence[inside], image.emission[inside], image.azimuth[inside]])
         yield angles, image.radiance_factor[inside] / np.cos(angles[0])

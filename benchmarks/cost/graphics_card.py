@@ -61,7 +61,7 @@ SNOW_HEADINGS, BAKED_HEADINGS, MANY_HEADINGS, MANY = 4, 2, 2, 256
 SMALL, FEW = 0.25, 16
 REGIONS = (6, 8)
 #: Seconds of a step: a driver took 443 for the kernels of an H200.
-MOST_S = 900.0
+MAX_S = 900.0
 #: Ways to render: each pair as if it were the first of its ground, and with the denoiser on the card, too.
 UNKEPT, DENOISED_THERE = "nothing kept", "denoiser on the card"
 ALL_IN_32_BITS: Parts = {"quality": {"files": "FULL", "half_floats": "NONE"}}
@@ -170,7 +170,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
 
     icymoon.register()
     if job["way"] == UNKEPT:
-        render_pair.MOST_KEPT_TRIANGLES = -1
+        render_pair.MAX_KEPT_TRIANGLES = -1
     if job["way"] == DENOISED_THERE:
         apply = cycles_settings.apply_quality
 
@@ -402,7 +402,7 @@ def main(options: argparse.Namespace) -> None:
         if left < 5.0:
             print(f"{step.key}: no time left", flush=True)
             continue
-        results["steps"][step.key] = run(step, out, min(left, MOST_S))
+        results["steps"][step.key] = run(step, out, min(left, MAX_S))
         print(format_row(step, results["steps"][step.key]), flush=True)
         (out / "results.json").write_text(json.dumps(results, indent=1))
         results["compared"][step.key] = compared(step, results["steps"])

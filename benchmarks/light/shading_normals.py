@@ -33,7 +33,7 @@ SCENE_NAMES = ("grazing view to the horizon", "deep shadow on the default mesh")
 NEVER_BLACK = '<bsdf type="never_black"><float name="albedo" value="0.8"/></bsdf>'
 SAMPLES, FINER = 128, 8
 #: Regions with a smaller share of pixels left are not compared.
-LEAST_LEFT = 0.1
+MIN_LEFT = 0.1
 
 
 def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int, int], sun: Array) -> Array:
@@ -57,7 +57,7 @@ def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int,
 def report(name: str, ours: Array, theirs: Array, left: Array) -> None:
     """Print the differences of two images (H, W) in the pixels of a mask (H, W)."""
     share = average_regions(left.astype(float))
-    here, there = (average_regions(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
+    here, there = (average_regions(np.where(left, image, 0.0))[share > MIN_LEFT] for image in (ours, theirs))
     difference = (here - there) / np.maximum(there, 0.02 * there.mean())
     print(
         f"  {name:45s} {left.mean():6.1%} left  mean {ours[left].sum() / theirs[left].sum():.4f}  RMS "

@@ -86,7 +86,7 @@ DAY_H, FIRST_DATE, DATES_DAYS = 85.3, np.datetime64("2038-01-01T00:00", "m"), 36
 #: Latitudes of the lander, degrees north or south: the noon Sun is 65 to 30 degrees high.
 LATITUDES_DEG = 25.0, 60.0
 #: Least elevation of a Sun.
-LEAST_SUN_DEG = VARIETY.suns_deg[0]
+MIN_SUN_DEG = VARIETY.suns_deg[0]
 #: Steps of a day at which the Sun's elevation is found.
 _STEPS = 240
 #: Height error from which a cell counts as wrong, m: half of a rock that the rules avoid.
@@ -111,7 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def draw_suns(random: np.random.Generator) -> Array:
     """Unit vectors (COUNT, 3), east, north and up, to the Suns of a day of a lander on Europa, in the order of time.
 
-    They are at equal steps of the time in which the Sun is at least ``LEAST_SUN_DEG`` high. The day starts anywhere, so
+    They are at equal steps of the time in which the Sun is at least ``MIN_SUN_DEG`` high. The day starts anywhere, so
     the last Sun is as often one of the morning as one of the evening.
     """
     latitude = float(random.uniform(*LATITUDES_DEG) * random.choice([-1, 1]))
@@ -119,7 +119,7 @@ def draw_suns(random: np.random.Generator) -> Array:
     start = FIRST_DATE + np.timedelta64(24 * 60 * day, "m")
     dates = start + (np.arange(_STEPS) * DAY_H * 60 / _STEPS).astype("timedelta64[m]")
     found = np.array([find_positions("EUROPA", format_date(date), latitude, longitude).sun for date in dates])
-    high = np.flatnonzero(found[:, 2] >= np.sin(np.radians(LEAST_SUN_DEG)))
+    high = np.flatnonzero(found[:, 2] >= np.sin(np.radians(MIN_SUN_DEG)))
     gap = int(np.argmax(np.diff(high, prepend=high[-1] - _STEPS)))  # a day may start while the Sun is up
     share = (np.arange(COUNT) + random.random()) / COUNT
     daylight = found[np.roll(high, -gap)[(share * len(high)).astype(int)]]

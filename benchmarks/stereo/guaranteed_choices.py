@@ -21,7 +21,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.stereo.decisions.calibration import CHOICE, CONFORMAL, LEARN_THEN_TEST, MOST_UNLIKE_P, Goal, collect_losses
+from icymoon.stereo.decisions.calibration import CHOICE, CONFORMAL, LEARN_THEN_TEST, MAX_UNLIKE_P, Goal, collect_losses
 from icymoon.stereo.decisions.calibration_pairs import StatedPair
 from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.rules import SiteRules, read_rules
@@ -199,8 +199,8 @@ def summarise(
     flagged, left = [], []
     for index, drawn in found[:20]:  # each compares all grounds of the other population
         p = np.array([compare_with_grounds(own[2][drawn], each).p for each in other[2]])
-        flagged.append((p <= MOST_UNLIKE_P).mean())
-        left.append(0.0 if index < 0 else (other[0][:, index] * (p > MOST_UNLIKE_P)).mean())
+        flagged.append((p <= MAX_UNLIKE_P).mean())
+        left.append(0.0 if index < 0 else (other[0][:, index] * (p > MAX_UNLIKE_P)).mean())
     return {
         "risk": float(risk.mean()),
         "exceeds": float((risk > goal.alpha).mean()),

@@ -62,7 +62,7 @@ MORE, MANY = (0, 1), 20
 #: Numbers of methods and spreads in the study of mean differences.
 METHODS_OF_MEANS, SPREADS_OF_MEANS = (2, 3, 6), (1.0, 0.25)
 #: Most scenes for which all flips are made, number of flips with more scenes, and most numbers held at once.
-MOST_EXACT, FLIPS = 13, 5000
+MAX_EXACT, FLIPS = 13, 5000
 HELD = 10_000_000
 #: Shares of a scene: how they are drawn, and their mean.
 SHARES: dict[str, tuple[Draw, float]] = {
@@ -112,7 +112,7 @@ def draw_signs(scenes: int) -> Array:
     """The signs (flips, scenes) of all flips but those with all signs turned, or of random ones."""
     flipped = (
         np.arange(2 ** (scenes - 1))[:, None] >> np.arange(scenes) & 1
-        if scenes <= MOST_EXACT
+        if scenes <= MAX_EXACT
         else np.random.default_rng(scenes).integers(0, 2, (FLIPS, scenes), np.int8)
     )
     return (1 - 2 * flipped).astype(np.float32)

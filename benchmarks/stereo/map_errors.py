@@ -30,7 +30,7 @@ from icymoon.support.arrays import Array
 
 SIZE_PX = (320, 240)
 #: Cells along a side, cells of a footprint, pixels of a cell at the middle of the near ground, and least disparity, px.
-CELLS, FOOTPRINT_CELLS, CELL_PX, LEAST_PX = 60, 8, 6, 2.0
+CELLS, FOOTPRINT_CELLS, CELL_PX, MIN_PX = 60, 8, 6, 2.0
 #: Share of the ground, the nearest, around whose middle the cells are.
 NEAR_SHARE = 0.6
 RULES = read_rules()
@@ -92,7 +92,7 @@ def decide(ground: Ground, number: int, methods: list[str]) -> dict[str, dict[st
     rays, scale = eye.directions(np.arange(SIZE_PX[0] * SIZE_PX[1])), sample["focal_px"] * sample["baseline_m"]
 
     def project(disparity: Array) -> tuple[Array, Array]:
-        known = np.flatnonzero(np.isfinite(disparity) & (disparity > LEAST_PX))
+        known = np.flatnonzero(np.isfinite(disparity) & (disparity > MIN_PX))
         depth = scale / disparity.ravel()[known].astype(np.float64)
         return eye.position + rays[known] * depth[:, None], depth
 

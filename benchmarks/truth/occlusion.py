@@ -111,7 +111,7 @@ def main(options: argparse.Namespace) -> None:
         {eye: find_hidden_by_both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()},
     )
     for number, tolerance in product(rays, TOLERANCES_PX):
-        columns._LEAST_GAP_PX = tolerance
+        columns._MIN_GAP_PX = tolerance
         line(
             str(number),
             f"{tolerance:g}",

@@ -5,7 +5,7 @@ alone.
 
 Each row is a process that renders as many pairs of a scene preset, or of the ``paper``'s snow (``guiss_cost``), with
 one sample of radiance. The first has depth alone, which comes with the radiance; the others have the whole truth. In
-the last row ``truth_without_light.MOST_TRIANGLES_PER_PIXEL`` does not count. Needs Blender as a module.
+the last row ``truth_without_light.MAX_TRIANGLES_PER_PIXEL`` does not count. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[floa
     start_blender()
     for name in ("remove_surfaces", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(truth_without_light, name, lambda what: nullcontext())
-    truth_without_light.MOST_TRIANGLES_PER_PIXEL = 10**9
+    truth_without_light.MAX_TRIANGLES_PER_PIXEL = 10**9
     made = snow(scale) if scene == "paper" else scale_view(settings_of((f"scenes/{scene}",)), scale)
     settings = typed(
         description.merged(

@@ -26,11 +26,11 @@ _HALF_PIXEL = 0.5
 #: Text files of a COLMAP model. A model may also have them as .bin.
 COLMAP_FILES = ("cameras.txt", "images.txt", "points3D.txt")
 #: Largest file of cameras in bytes.
-_MOST_CAMERA_BYTES = 2**22
+_MAX_CAMERA_BYTES = 2**22
 #: Largest file of images in bytes; it also states all of their points.
-_MOST_IMAGE_BYTES = 2**29
+_MAX_IMAGE_BYTES = 2**29
 #: Maximum number of images that form a rig.
-_MOST_RIG_IMAGES = 1000
+_MAX_RIG_IMAGES = 1000
 #: Camera models in the order of COLMAP's numbers.
 _MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV")
 #: Number of parameters of each of these models.
@@ -46,8 +46,8 @@ def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
     if kind is None:
         raise IcyMoonError(f"{folder} has no cameras.txt or cameras.bin; {_FIX}.")
     parse = (_cameras_of_text, _images_of_text) if kind == ".txt" else (_cameras_of_bytes, _images_of_bytes)
-    cameras = read(folder / f"cameras{kind}", parse[0], _KIND, _FIX, _MOST_CAMERA_BYTES)
-    images = read(folder / f"images{kind}", parse[1], _KIND, _FIX, _MOST_IMAGE_BYTES)
+    cameras = read(folder / f"cameras{kind}", parse[0], _KIND, _FIX, _MAX_CAMERA_BYTES)
+    images = read(folder / f"images{kind}", parse[1], _KIND, _FIX, _MAX_IMAGE_BYTES)
     unit_m = stated.unit_m()
     found = []
     with explain_errors(folder / f"images{kind}", _KIND, _FIX):
@@ -103,10 +103,8 @@ def _images_of_text(foreign: ForeignBytes) -> list[_Image]:
             continue
         if not is_points:
             words = line.decode().split(maxsplit=9)
-            if len(words) != 10 or len(found) == _MOST_RIG_IMAGES:
-                raise ValueError(
-                    f"line {number} is not an image with a pose, or there are more than {_MOST_RIG_IMAGES}"
-                )
+            if len(words) != 10 or len(found) == _MAX_RIG_IMAGES:
+                raise ValueError(f"line {number} is not an image with a pose, or there are more than {_MAX_RIG_IMAGES}")
             placed = to_number_array(words[1:8], f"line {number}").tolist()
             found.append((int(words[0]), placed, int(words[8]), words[9].strip()))
         is_points = not is_points
@@ -127,8 +125,8 @@ def _cameras_of_bytes(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
 def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
     cursor = foreign.cursor()
     count = cursor.number("<Q")
-    if count > _MOST_RIG_IMAGES:
-        raise ValueError(f"it has {count} images, more than {_MOST_RIG_IMAGES}")
+    if count > _MAX_RIG_IMAGES:
+        raise ValueError(f"it has {count} images, more than {_MAX_RIG_IMAGES}")
     found: list[_Image] = []
     for _ in range(count):
         number, *placed, camera = cursor.unpack("<I7dI")

@@ -15,7 +15,7 @@ import numpy as np
 from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.head_camera import (
     FRAMES,
-    MOST_CAMERAS,
+    MAX_CAMERAS,
     ROLES,
     Equirectangular,
     HeadCamera,
@@ -37,14 +37,14 @@ from .options import LENSES, UNITS_M, Stated
 from .registry import read_calibration
 
 #: Bytes of the file at most.
-_MOST_BYTES = 2**20
+_MAX_BYTES = 2**20
 _FIX = "give a file with [[camera]] tables"
 #: Most columns or rows that Blender renders.
-_MOST_PX = 16384
+_MAX_PX = 16384
 #: Longest name of a camera; names are used as file names and in tables.
 _LONGEST_NAME = 40
 #: Largest deviation of a quaternion's length from 1.
-_MOST_OFF = 0.1
+_MAX_OFF = 0.1
 _ANYWHERE = ("name", "role", "model", "frame", "position_m", "forward", "up", "quaternion_xyzw")
 _SIZE = ("width_px", "height_px")
 #: The keys of a camera that replace the options of the shell for a calibration.
@@ -70,7 +70,7 @@ class Head:
 
 def read_head(path: Path) -> Head:
     """Read the cameras of a file. Raises IcyMoonError, one sentence with the line and a fix."""
-    text = read(path, ForeignBytes.text, "a head of cameras", _FIX, _MOST_BYTES)
+    text = read(path, ForeignBytes.text, "a head of cameras", _FIX, _MAX_BYTES)
     return _parse_head(path, text)
 
 
@@ -103,9 +103,9 @@ def _parse_head(path: Path, text: str) -> Head:
     tables = data.get("camera")
     if not isinstance(tables, list) or not tables or not all(isinstance(each, Mapping) for each in tables):
         raise IcyMoonError(f"{path}: has no cameras; {_FIX}.")
-    if len(tables) > MOST_CAMERAS:
+    if len(tables) > MAX_CAMERAS:
         raise IcyMoonError(
-            f"{place.at('camera', MOST_CAMERAS)}: a head has at most {MOST_CAMERAS} cameras, not {len(tables)}; "
+            f"{place.at('camera', MAX_CAMERAS)}: a head has at most {MAX_CAMERAS} cameras, not {len(tables)}; "
             "remove some."
         )
     entries = [_Entry(table, place.at("camera", k)) for k, table in enumerate(tables)]
@@ -141,10 +141,10 @@ class _Entry:
         except ValueError as error:
             raise self._error("model", f"there is no such camera ({error}); correct it") from None
         size = HeadCamera(name, role, model, projection).rendered.size_px
-        if max(size) > _MOST_PX:
+        if max(size) > _MAX_PX:
             raise self._error(
                 "model",
-                f"its render would have {size[0]} x {size[1]} px, and {_MOST_PX} are the most; take fewer pixels",
+                f"its render would have {size[0]} x {size[1]} px, and {_MAX_PX} are the most; take fewer pixels",
             )
         return HeadCamera(name, role, model, projection, frame, *self._pose(frame, projection))
 
@@ -204,7 +204,7 @@ class _Entry:
                 raise self._error(clash[0], f"quaternion_xyzw states the direction too; leave {clash[0]} out")
             x, y, z, w = self._vector("quaternion_xyzw", 4)
             length = math.hypot(x, y, z, w)
-            if not abs(length - 1) <= _MOST_OFF:
+            if not abs(length - 1) <= _MAX_OFF:
                 raise self._error("quaternion_xyzw", f"it has the length {length:.3g}; state one of the length 1")
             return from_quaternion(np.array([w, x, y, z])), position
         return self._turn(frame), position
@@ -236,7 +236,7 @@ class _Entry:
         return name
 
     def _size(self) -> tuple[int, int]:
-        width, height = (self._number(key, 4, _MOST_PX, whole=True) for key in _SIZE)
+        width, height = (self._number(key, 4, _MAX_PX, whole=True) for key in _SIZE)
         return int(width), int(height)
 
     def _text(self, key: str) -> str:

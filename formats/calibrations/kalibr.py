@@ -16,7 +16,7 @@ from ...support.files import quote, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, explain_errors, read
 from ..yaml_text import parse_yaml
 from .options import (
-    MOST_BYTES,
+    MAX_BYTES,
     Reading,
     Stated,
     find_why_no_opencv_lens,
@@ -33,7 +33,7 @@ _FIX = "give the file camchain.yaml that kalibr_calibrate_cameras wrote"
 def read_kalibr(paths: Sequence[Path], _: Stated) -> Reading:
     """Read all cameras of a camchain, in the axes of its first camera."""
     (path,) = paths
-    return read(path, _parse, _KIND, _FIX, MOST_BYTES)
+    return read(path, _parse, _KIND, _FIX, MAX_BYTES)
 
 
 def _parse(foreign: ForeignBytes) -> Reading:

@@ -18,7 +18,7 @@ from ...support.files import quote, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 from ..yaml_text import parse_flow
 from .options import (
-    MOST_BYTES,
+    MAX_BYTES,
     Reading,
     Stated,
     convert_to_brown,
@@ -46,7 +46,7 @@ _POSE_KEYS = ("extrinsics", "rt_cam_ref", "rt_fromref")
 
 def read_mrcal(paths: Sequence[Path], _: Stated) -> Reading:
     """Read a camera from each file, in their common reference axes."""
-    found = [read(path, _parse, _KIND, _FIX, MOST_BYTES) for path in paths]
+    found = [read(path, _parse, _KIND, _FIX, MAX_BYTES) for path in paths]
     return Reading(CalibratedRig(tuple(found)))
 
 

@@ -24,7 +24,7 @@ from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors,
 from ..yaml_text import parse_yaml, write_number
 from .options import (
     LENSES,
-    MOST_BYTES,
+    MAX_BYTES,
     UNITS_M,
     Reading,
     Stated,
@@ -60,7 +60,7 @@ def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
     """Read a calibration of one camera or of two, from one file, or from one of intrinsics and one of extrinsics."""
     found: dict[str, Any] = {}
     for path in paths:
-        content = read(path, _parse, _KIND, _FIX, MOST_BYTES)
+        content = read(path, _parse, _KIND, _FIX, MAX_BYTES)
         with explain_errors(path, _KIND, "give each key in one of the files alone"):
             if twice := found.keys() & content.keys():
                 raise ValueError(f"it states {quote(min(twice))} as {paths[0].name} does")

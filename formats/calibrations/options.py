@@ -21,11 +21,11 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 #: Words for the lens of four coefficients.
 LENSES = ("brown", "fisheye")
 #: Largest calibration file in bytes; one with all measurements has a few megabytes.
-MOST_BYTES = 2**22
+MAX_BYTES = 2**22
 #: The coefficients of Brown and Conrady's lens in OpenCV's order.
 BROWN_NAMES = (*COEFFICIENTS, "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 #: Largest cosine or coefficient that counts as a rounded zero.
-_MOST_ROUNDING = 1e-12
+_MAX_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def convert_to_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 def _is_along(lens: Cahvore) -> bool:
     """Whether the optical axis of the distortion is the camera's."""
-    return abs(lens.axis[0]) < _MOST_ROUNDING and abs(lens.axis[1]) < _MOST_ROUNDING
+    return abs(lens.axis[0]) < _MAX_ROUNDING and abs(lens.axis[1]) < _MAX_ROUNDING
 
 
 def to_opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:

@@ -30,7 +30,7 @@ from .options import (
 
 _KIND = "a calibration of ROS"
 #: Largest deviation of R times its transpose from 1 without a note; camera_calibration writes five digits.
-_MOST_ROUNDING = 1e-6
+_MAX_ROUNDING = 1e-6
 
 
 def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
@@ -42,7 +42,7 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
     for path, ros in zip(paths, found, strict=True):
         turn = nearest_rotation(ros.rectification)
         off = rotation_error(ros.rectification)
-        if off > _MOST_ROUNDING:
+        if off > _MAX_ROUNDING:
             notes.append(
                 f"{path.name}: rectification_matrix was rounded, off by {off:.2g}; the nearest rotation is taken."
             )

@@ -21,7 +21,7 @@ from .options import Reading, Stated, find_why_no_opencv_lens, split_pose, to_nu
 _KIND = "a transforms.json"
 _FIX = "give a file with frames, fl_x, fl_y, cx, cy, w, h and a transform_matrix of each frame"
 _HALF_PIXEL = 0.5
-_MOST_BYTES = 2**24
+_MAX_BYTES = 2**24
 #: Axes of OpenGL, y up and z backward, to ours.
 _OPENGL_TO_OURS = np.diag([1.0, -1.0, -1.0, 1.0])
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV_FISHEYE")
@@ -31,7 +31,7 @@ _ASSUMED_UNIT = "A transforms.json states no unit: one unit of its scale is assu
 def read_transforms(paths: Sequence[Path], stated: Stated) -> Reading:
     """Read a camera for each frame, in world axes."""
     (path,) = paths
-    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, _MOST_BYTES)
+    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, _MAX_BYTES)
 
 
 def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:

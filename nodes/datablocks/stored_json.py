@@ -8,7 +8,7 @@ import bpy
 
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import Shape, check_record
-from ...support.foreign_bytes import MOST_TEXT_BYTES, parse_json
+from ...support.foreign_bytes import MAX_TEXT_BYTES, parse_json
 
 _BUILD_AGAIN = "press Build Scene to build it again"
 
@@ -24,7 +24,7 @@ def read_stored(owner: bpy.types.ID, key: str, shape: Shape, absent: str = "{}")
 def parse_stored(text: object, where: str, shape: Shape) -> Any:
     """Parse a JSON text of this shape; ``where`` names it in errors. Raises IcyMoonError for any other text."""
     try:
-        if not isinstance(text, str) or len(text) > MOST_TEXT_BYTES:
+        if not isinstance(text, str) or len(text) > MAX_TEXT_BYTES:
             raise ValueError("it is not a text, or too long")
         data = parse_json(text)
     except ValueError as error:

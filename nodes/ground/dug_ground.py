@@ -33,7 +33,7 @@ from .terrain_mesh import MeshedGround, mesh_ground
 #: Names of attributes: depth of dug ground below the untouched surface, m, and presence of spoil.
 DEPTH, SPOIL = "icymoon_depth", "icymoon_spoil"
 #: Minimum thickness of spoil that covers the ground, and minimum change of height of a dug face, m.
-_COVERING_SPOIL_M, _LEAST_DUG_M = 1.0e-3, 1.0e-4
+_COVERING_SPOIL_M, _MIN_DUG_M = 1.0e-3, 1.0e-4
 #: Widths in cells of the margin round the patch without other vertices, tried in turn until the hole has one rim.
 _FREE_CELLS = (2.0, 6.0, 16.0)
 
@@ -180,7 +180,7 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
         left = np.maximum(loose[-top.size :] - (series.before_m - layers.ground).ravel(), 0.0)
         loose[-top.size :] = left + layers.spoil.ravel()
     moved = np.concatenate(
-        [np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _LEAST_DUG_M]
+        [np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _MIN_DUG_M]
     )
     flat = moved[ground.faces].any(axis=1)
     fine = flat if ground.fine is None else flat | ground.fine

@@ -29,13 +29,13 @@ from .import_mesh import open_scratch_scene
 
 _PNG_START, _EXR_START = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
 #: Maximum number of pixels of a PNG or EXR file (4096 x 4096 take a gigabyte in Blender), and advice for larger files.
-_MOST_PIXELS, _SMALLER_ADVICE = 2**24, "cut out what is needed, or save it as GeoTIFF"
+_MAX_PIXELS, _SMALLER_ADVICE = 2**24, "cut out what is needed, or save it as GeoTIFF"
 #: Mean radius of Earth, m.
 _EARTH_RADIUS_M = 6371008.8
 #: Maximum number of bytes of an array.
-_MOST_ARRAY_BYTES = 2**36
+_MAX_ARRAY_BYTES = 2**36
 #: Maximum number of channels that a sentence names.
-_MOST_NAMED_CHANNELS = 8
+_MAX_NAMED_CHANNELS = 8
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _read_npy(path: Path, start: bytes) -> Heights:
         return values
 
     fix = "save the numbers by numpy.save as an array (rows, columns), north first"
-    values = read(path, parse, "an array of numbers", fix, _MOST_ARRAY_BYTES)
+    values = read(path, parse, "an array of numbers", fix, _MAX_ARRAY_BYTES)
     return Heights(_mask_missing(values.astype(np.float64)), stored=values.dtype)
 
 
@@ -122,7 +122,7 @@ def _read_png(path: Path, start: bytes) -> Heights:
         head = check_png(foreign)
         if head.colours not in (0, 4):
             raise RefusedError("is a colour image, not heights; save it as 16-bit grey.")
-        check_pixels(foreign, head.width * head.height, _MOST_PIXELS, _SMALLER_ADVICE)
+        check_pixels(foreign, head.width * head.height, _MAX_PIXELS, _SMALLER_ADVICE)
         return head.bits
 
     highest = 2 ** read(path, parse, "a whole PNG file", "copy it again") - 1
@@ -141,13 +141,13 @@ def _read_exr(path: Path, start: bytes) -> Heights:
         parts = read_layout(foreign)
         names = list(parts[0].channels) if len(parts) == 1 else ["(several parts)"]
         if not {"Y", "R"} & set(names):
-            more = ", ..." if len(names) > _MOST_NAMED_CHANNELS else ""
+            more = ", ..." if len(names) > _MAX_NAMED_CHANNELS else ""
             raise RefusedError(
-                f"has the channels {', '.join(map(_show_name, names[:_MOST_NAMED_CHANNELS]))}{more}; "
+                f"has the channels {', '.join(map(_show_name, names[:_MAX_NAMED_CHANNELS]))}{more}; "
                 "save the heights as one channel called Y."
             )
         rows, columns = parts[0].shape
-        check_pixels(foreign, rows * columns * -(-len(names) // 4), _MOST_PIXELS, _SMALLER_ADVICE)
+        check_pixels(foreign, rows * columns * -(-len(names) // 4), _MAX_PIXELS, _SMALLER_ADVICE)
 
     # Blender crashes on an incomplete file.
     read(path, parse, EXR, "save it again whole, in scan lines")

@@ -25,7 +25,7 @@ from ...support.errors import IcyMoonError
 from ...support.system import bound_memory_and_time
 
 #: Maximum number of triangles of a ground, with all copies of its meshes.
-MOST_TRIANGLES = 50_000_000
+MAX_TRIANGLES = 50_000_000
 #: Memory limit of an importer: a multiple of the estimated memory of the mesh, and additional bytes.
 _MEMORY_FACTOR, _EXTRA_MEMORY_BYTES = 4, 2**31
 
@@ -176,9 +176,9 @@ def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
         faces.append(triangles + np.int32(offset))
         offset += len(mesh.vertices)
         count += len(triangles)
-        if count > MOST_TRIANGLES:  # a small file may show one mesh many times
+        if count > MAX_TRIANGLES:  # a small file may show one mesh many times
             raise IcyMoonError(
-                f"{path}: has more than {MOST_TRIANGLES} triangles with all its copies; leave some "
+                f"{path}: has more than {MAX_TRIANGLES} triangles with all its copies; leave some "
                 "out, or make it coarser."
             )
     uv = None

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .import_mesh import MOST_TRIANGLES, read_placed_triangles
+from .import_mesh import MAX_TRIANGLES, read_placed_triangles
 
 
 def find_metres_per_unit(scene: bpy.types.Scene) -> float:
@@ -33,9 +33,9 @@ def read_object_mesh(
         positions.append(points)
         faces.append(corners + np.int32(vertices))
         vertices, triangles = vertices + len(points), triangles + len(corners)
-        if triangles > MOST_TRIANGLES:
+        if triangles > MAX_TRIANGLES:
             raise IcyMoonError(
-                f"{item.name} has more than {MOST_TRIANGLES} triangles; leave some out, or make it coarser."
+                f"{item.name} has more than {MAX_TRIANGLES} triangles; leave some out, or make it coarser."
             )
     placed, corners = find_metres_per_unit(scene) * np.concatenate(positions), np.concatenate(faces)
     a, b, c = (placed[corners[:, k]] for k in range(3))

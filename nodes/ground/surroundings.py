@@ -27,12 +27,12 @@ from ...support.number_text import format_count
 #: width.
 _BAND_PIXELS, _BAND_SHARE = 2.0, 0.25
 #: Minimum margin around the patch that holds the whole band, as a share of the fine map's width.
-_LEAST_MARGIN = 1 / 16
+_MIN_MARGIN = 1 / 16
 #: Width in pixels of the squares of the last map of which half must be known: it has ground within half of that of
 #: known pixels.
 _GAP_PIXELS = 16.0
 #: Offset between two maps that gives a warning: a tenth of a coarse pixel, and at least a metre.
-_OFFSET_PIXELS, _LEAST_OFFSET_M = 0.1, 1.0
+_OFFSET_PIXELS, _MIN_OFFSET_M = 0.1, 1.0
 #: Numbers of directions in which the end of the ground is looked for: all around the site, and in the view.
 _ALL_AROUND, _IN_VIEW = 360, 91
 
@@ -129,7 +129,7 @@ def _choose_band_m(covers: list[MapCover], size_m: float) -> float:
     width_m = fine.farthest_m + fine.nearest_m
     band_m = min(_BAND_PIXELS * coarse.pixel_m, _BAND_SHARE * max(width_m, 0.0))
     margin_m = fine.nearest_m - size_m / 2
-    return min(band_m, margin_m) if margin_m > _LEAST_MARGIN * width_m else band_m
+    return min(band_m, margin_m) if margin_m > _MIN_MARGIN * width_m else band_m
 
 
 def _measure_fine(
@@ -168,7 +168,7 @@ def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, cove
     """A warning if the heights of two maps do not fit together."""
     if coarse is None or blended.offset_m is None or blended.apart_m is None:
         return []
-    most_m = max(_LEAST_OFFSET_M, _OFFSET_PIXELS * covers[1].pixel_m)
+    most_m = max(_MIN_OFFSET_M, _OFFSET_PIXELS * covers[1].pixel_m)
     if abs(blended.offset_m) <= most_m and blended.apart_m <= most_m:
         return []
     return [

@@ -35,7 +35,7 @@ from .surroundings import MapOfSite, surround
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
 #: Limits in metres of the size of a ground. A ground outside these limits cannot be a landing site in any unit.
-_LEAST_SIZE_M, _MOST_SIZE_M = 1e-3, 1e5
+_MIN_SIZE_M, _MAX_SIZE_M = 1e-3, 1e5
 #: Maximum width in metres of a ground with its surroundings out to the horizon, such as an export of Icy Moon. Its
 #: triangles must be as fine as at a site.
 _LARGEST_HORIZON_M = 2e6
@@ -48,7 +48,7 @@ _UNLIKELY_RELIEF = 2.0
 #: then fills the image of a camera that looks down.
 _UNLIKELY_EDGE = 3.0
 #: Maximum number of triangles into which a mesh is divided for added roughness.
-_MOST_TRIANGLES = 8_000_000
+_MAX_TRIANGLES = 8_000_000
 #: Rows of the matrix that rotates file coordinates to z up: the axis of the file and its sign.
 _AXIS_ROTATIONS = {
     "X": ((1, 1), (2, 1), (0, 1)),
@@ -160,18 +160,17 @@ def _is_fine(edge_m: float, height_m: float) -> bool:
 def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
     """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
-    most = _LARGEST_HORIZON_M if to_horizon else _MOST_SIZE_M
+    most = _LARGEST_HORIZON_M if to_horizon else _MAX_SIZE_M
     if to_horizon and widest > most:
         fix = f"cut off what is far from the site, or {fix}"
-    if not _LEAST_SIZE_M <= widest <= most:
+    if not _MIN_SIZE_M <= widest <= most:
         raise IcyMoonError(
-            f"{path}: is {widest:.3g} m wide, outside the size of a landing site ({_LEAST_SIZE_M:g} to {most:g} m); "
-            f"{fix}"
+            f"{path}: is {widest:.3g} m wide, outside the size of a landing site ({_MIN_SIZE_M:g} to {most:g} m); {fix}"
         )
-    if not relief <= _MOST_SIZE_M:
+    if not relief <= _MAX_SIZE_M:
         raise IcyMoonError(
             f"{path}: has a relief of {relief:.3g} m, too much for a landing site (at most "
-            f"{_MOST_SIZE_M:g} m); {fix_height}"
+            f"{_MAX_SIZE_M:g} m); {fix_height}"
         )
     warnings = []
     if not (_UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1] or (to_horizon and widest > _UNLIKELY_M[1])):
@@ -254,7 +253,7 @@ def _add_roughness(
     """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
     edge = halve_edges.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
-    cuts = halve_edges.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
+    cuts = halve_edges.count_halvings(edge, wanted, len(faces), _MAX_TRIANGLES)
     for _ in range(cuts):
         positions, faces = halve_edges.halve_edges(positions, faces)
         uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
@@ -267,7 +266,7 @@ def _add_roughness(
         2 * edge,
         2 * finest,
     )
-    limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
+    limit = f", not {wanted:.3g} m, to keep to {_MAX_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
     return (
         roughened,
         faces,

@@ -47,7 +47,7 @@ _FROST = _Finish((0.9, 0.9, 0.9), 0.0, 0.9)
 #: Wavelength of patches of frost, m.
 _FROST_PATCH_M = 0.06
 #: Cosine of the steepest slope with frost.
-_LEAST_FROST_COSINE = 0.35
+_MIN_FROST_COSINE = 0.35
 
 
 def build_materials(frost_share: float) -> dict[str, bpy.types.Material]:
@@ -98,7 +98,7 @@ def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
 def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socket:
     """Socket of the share of frost: patches on surfaces that face up, no frost on other surfaces."""
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
-    up = (Number(tree, parts[2]) - _LEAST_FROST_COSINE) / (1.0 - _LEAST_FROST_COSINE)
+    up = (Number(tree, parts[2]) - _MIN_FROST_COSINE) / (1.0 - _MIN_FROST_COSINE)
     noise = Number(tree, add_noise(tree, "Frost Patches", place, _FROST_PATCH_M, 17.0, 5.0))
     least = find_threshold(share)
     patch = ((noise - least) * 12.0 + 0.5).at_least(0.0).at_most(1.0)

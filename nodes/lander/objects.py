@@ -11,7 +11,7 @@ from ...physics.arm.lander_arm import joint_values, make_arm, make_solids
 from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, find_pad_centres, make_head
 from ...physics.arm.parametric_arm import JOINTS, lander_pose
 from ...physics.arm.solids import Solid
-from ...physics.arm.urdf import MOST_LINKS
+from ...physics.arm.urdf import MAX_LINKS
 from ...physics.light.directions import camera_axes
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -27,7 +27,7 @@ PADS = "icymoon_pads_m"
 _VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
 _LANDER_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.
-_OWN_LINKS = tuple(f"own {k:02d}" for k in range(MOST_LINKS))
+_OWN_LINKS = tuple(f"own {k:02d}" for k in range(MAX_LINKS))
 #: Role of the object of each link, and label of its instance.
 ROLES = {link: f"lander {link}" for link in (*_LANDER_LINKS, *_OWN_LINKS)}
 INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...physics.light.planet_face import (
     FACES,
-    LEAST_COSINE,
+    MIN_COSINE,
     SPOT_EDGES,
     SPOT_SOFTNESS,
     Face,
@@ -140,7 +140,7 @@ def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
     """The colour of a place: the pattern of the face times its limb darkening times factors for R, G and B."""
     tree, exponents = globe.tree, face.limb.exponents_at(globe.planet.phase_deg)
     emission = tree.math(
-        "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
+        "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), MIN_COSINE
     )
     both = tree.math("MULTIPLY", "Both Cosines", globe.incidence, emission)
     if face.limb.law == "BARKSTROM":

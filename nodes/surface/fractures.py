@@ -25,13 +25,13 @@ from .patches_and_grain import NOISE_DEVIATION, add_noise, find_threshold
 _SET_NORMALS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
 #: Share of the spacing within which a plane may lie; wavelengths of patches and of the bending of planes, in spacings;
 #: width of the edges of patches, in standard deviations of the noise; greatest bending, in spacings.
-_OFFSET_SHARE, _PATCH_LENGTH, _BEND_LENGTH, _PATCH_EDGE, _MOST_BEND = 0.9, 1.8, 2.7, 0.4, 1.5
+_OFFSET_SHARE, _PATCH_LENGTH, _BEND_LENGTH, _PATCH_EDGE, _MAX_BEND = 0.9, 1.8, 2.7, 0.4, 1.5
 #: Albedo of a veil, and the share of it that small steps on its faces show in all directions.
 VEIL_ALBEDO, _VEIL_FACE_SHARE = 0.95, 0.3
 #: Cosines between which the reflectance of a gap is linear, so that its faces are as uneven as some degrees.
 _GAP_COSINES = np.linspace(0.0, 1.0, 17)
 #: Smallest cosine from a plane's normal at which rays are followed.
-_LEAST_COSINE = 0.01
+_MIN_COSINE = 0.01
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _add_bent(tree: Tree, place: Socket, fourth: float) -> Socket:
     """Output socket of a place, moved so that planes are bent. The path of the view stays straight, because planes bend
     little over one spacing."""
     field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND_LENGTH, 1.0).outputs["Color"]
-    return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_MOST_BEND,) * 3, place)
+    return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_MAX_BEND,) * 3, place)
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
@@ -100,7 +100,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     across = Vector(tree, tree.combined(f"Set {which + 1}", *normal))
     slope = view.into.dot(across)
     forward = slope.exceeds(0.0) * 2.0 - 1.0
-    cosine = (forward * slope).at_least(_LEAST_COSINE)
+    cosine = (forward * slope).at_least(_MIN_COSINE)
     along = view.place.dot(across) + view.fourth
     cell = Number(tree, tree.math("FLOOR", "Room of a Plane", along.value))
     behind = (forward * (along - cell - _add_offset(tree, cell, which))).exceeds(0.0)

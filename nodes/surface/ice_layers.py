@@ -29,10 +29,10 @@ from .patches_and_grain import (
 from .sheltered_ground import SHELTERED
 
 #: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
-_BAND_CONTRAST, _MOST_BUBBLE_SHARE = 4.0, 0.6
+_BAND_CONTRAST, _MAX_BUBBLE_SHARE = 4.0, 0.6
 #: Direction across the bands of the ground, as of veins that froze again; wavelength and amplitude of their bending, in
 #: bands.
-_ACROSS_BANDS, _BEND_LENGTH, _MOST_BEND = (0.88, 0.38, 0.28), 4.0, 3.0
+_ACROSS_BANDS, _BEND_LENGTH, _MAX_BEND = (0.88, 0.38, 0.28), 4.0, 3.0
 #: Frost: cosines of the slopes at which it starts to decrease (30 degrees) and ends (65 degrees); the rise of the noise
 #: that frost would need there, and half the width of the edge of frost, both in standard deviations.
 _FULL_FROST_COSINE, _NO_FROST_COSINE, _NO_FROST_DEVIATIONS, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
@@ -77,13 +77,13 @@ def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Node, four
     steepest = tuple(part / surface.bubble_band_m for part in _ACROSS_BANDS)
     across = tree.vector("DOT_PRODUCT", "Across the Bands", place, steepest)
     bend = Number(tree, add_noise(tree, "Bend", place, _BEND_LENGTH * surface.bubble_band_m, fourth, 1.0))
-    along = Number(tree, across) + bend * (2.0 * _MOST_BEND) + math.fmod(fourth, 97.0)
+    along = Number(tree, across) + bend * (2.0 * _MAX_BEND) + math.fmod(fourth, 97.0)
     if of_rocks:  # each is a piece from elsewhere
         chance = tree.node("ShaderNodeObjectInfo", "Piece").outputs["Random"]
         along = along + Number(tree, chance) * 512.0
     band = tree.noise("Bands", {"W": along.value}, 1.0, 2.0, roughness=0.6).outputs[0]
     step = ((Number(tree, band) - NOISE_MEAN) * (1.0 / (2.0 * NOISE_DEVIATION))).at_least(-1.0).at_most(1.0)
-    return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLE_SHARE)
+    return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MAX_BUBBLE_SHARE)
 
 
 def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -> tuple[Any, Any]:

@@ -368,7 +368,7 @@ class _Material:
         if surface.albedo_group:
             own = own_groups.add_own_factor(tree, surface.albedo_group, self._geometry)
             self._grey = tree.math("MULTIPLY", "Brightness by Own Group", own, self._grey)
-            self._least *= own_groups.LEAST_FACTOR
+            self._least *= own_groups.MIN_FACTOR
         if self._of_rocks and surface.face_variation > 0.0:
             kept, rougher = add_face_variation(tree, surface)
             self._grey = tree.math("MULTIPLY", "Brightness of Faces", self._grey, kept)

@@ -40,7 +40,7 @@ _measured_brightness: dict[str, Array] = {}
 #: Values of an image that are processed at once, since a baked image may have 10⁹.
 _VALUES_PER_STEP = 1 << 24
 #: Maximum number of pixels of an image, unless its file is large: 8192 x 8192, the largest image in most collections.
-_MOST_PIXELS = 2**26
+_MAX_PIXELS = 2**26
 _KIND_TEXT = "an image"
 
 
@@ -224,7 +224,7 @@ def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
     fix = f"give a PNG, JPEG, TIFF or EXR as {name}"
 
     def check(foreign: ForeignBytes) -> None:
-        check_pixels(foreign, count_pixels(foreign), _MOST_PIXELS, f"make it smaller, or {fix}")
+        check_pixels(foreign, count_pixels(foreign), _MAX_PIXELS, f"make it smaller, or {fix}")
 
     path = source.file
     if source.data:

@@ -17,7 +17,7 @@ from ..tree.builder import Node, Socket, Tree
 from ..tree.formula import Number
 
 #: The output of a group that multiplies the albedo, and its bounds. Hapke's law is fitted for albedos in between.
-FACTOR, LEAST_FACTOR, MOST_FACTOR = "Albedo Factor", 0.02, 1.0
+FACTOR, MIN_FACTOR, MAX_FACTOR = "Albedo Factor", 0.02, 1.0
 #: The inputs of a group that Icy Moon connects, if the group has them, with the outputs of the Geometry node.
 INPUTS = {"Position": "Position", "Normal": "True Normal"}
 #: Label of the node that bounds the factor from below.
@@ -34,9 +34,9 @@ def add_own_factor(tree: Tree, name: str, geometry: Node) -> Socket:
         raise IcyMoonError(why)
     node = tree.tree.nodes.new("ShaderNodeGroup")
     node.name = node.label = OWN_GROUP
-    bound = tree.math("MAXIMUM", _BOUND, MOST_FACTOR, LEAST_FACTOR)
+    bound = tree.math("MAXIMUM", _BOUND, MAX_FACTOR, MIN_FACTOR)
     _connect(tree.tree, node, _find_group(name) or _make_stand_in(name))
-    return Number(tree, bound).at_most(MOST_FACTOR).named("Own Factor").value
+    return Number(tree, bound).at_most(MAX_FACTOR).named("Own Factor").value
 
 
 def explain_unusable_group(name: str) -> str:
@@ -88,7 +88,7 @@ def _make_stand_in(name: str) -> bpy.types.NodeTree:
     group[TAG], group[_NAME] = STAND_IN, name
     group.interface.new_socket(FACTOR, in_out="OUTPUT", socket_type="NodeSocketFloat")
     constant = group.nodes.new("ShaderNodeValue")
-    constant.outputs[0].default_value = MOST_FACTOR
+    constant.outputs[0].default_value = MAX_FACTOR
     group.links.new(constant.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
     return group
 

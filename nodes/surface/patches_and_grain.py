@@ -41,12 +41,12 @@ _GRAIN_SPAN = 0.88
 #: of the noise's lattice. In a plane along two axes, the lattice would be visible as a weave.
 _OFF_LATTICE = (-(3**-0.5), -(3**-0.5), 1.0 - 3**-0.5)
 #: Longest wavelength of patches of grain, in wavelengths of the grain.
-_MOST_PATCH_LENGTH = 16.0
+_MAX_PATCH_LENGTH = 16.0
 _STEEP_SLOPE = 1.0 - math.cos(math.radians(45.0))
 #: Wavelength of the ragged part of patches, in wavelengths of the patches.
 _RAGGED_LENGTH = 0.125
 #: Elevations are limited to this many standard deviations.
-_MOST_ELEVATION = 3.0
+_MAX_ELEVATION = 3.0
 
 
 def add_noise(tree: Tree, label: str, where: Socket, wavelength_m: float, fourth: float, octaves: float) -> Socket:
@@ -60,11 +60,11 @@ def add_patchy_grain(
     """Add grain whose height varies in patches, with unchanged RMS height; return its output socket.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
-    a mean square of 1. Its patches are 2 to ``_MOST_PATCH_LENGTH`` wavelengths of the grain wide.
+    a mean square of 1. Its patches are 2 to ``_MAX_PATCH_LENGTH`` wavelengths of the grain wide.
     """
     if surface.grain_patchiness == 0.0:
         return height
-    field = add_noise(tree, "Patches of Grain", where, _MOST_PATCH_LENGTH * surface.grain_size_m, place[0], 4.0)
+    field = add_noise(tree, "Patches of Grain", where, _MAX_PATCH_LENGTH * surface.grain_size_m, place[0], 4.0)
     deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
     s = float(surface.grain_patchiness)
     share = (deviations * s + -s * s).exp().named("Share of Grain")
@@ -158,7 +158,7 @@ def mark_elevation(
     deviation = float(above[known].std())
     elevation = above / deviation if deviation > 0.0 else above
     attribute = existing or mesh.attributes.new(ELEVATION, "FLOAT", "POINT")
-    attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
+    attribute.data.foreach_set("value", np.clip(elevation, -_MAX_ELEVATION, _MAX_ELEVATION).astype(np.float32))
 
 
 def _add_undimmed_share(tree: Tree, label: str, share: Value, dirt: float) -> Value:

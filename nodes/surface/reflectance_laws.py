@@ -207,7 +207,7 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Socket:
     """Shader socket of ``physics.surfaces.snow``. Light of ground in shadow gets the albedo of the emission angle."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).at_least(0.0).named("µ0"), n.dot(eye).at_least(0.0).named("µ")
-    both = (mu0 + mu).at_least(snow.LEAST_COSINE_SUM)
+    both = (mu0 + mu).at_least(snow.MIN_COSINE_SUM)
     half_phase = toward_sun.distance(eye).arctan2((toward_sun + eye).length()).named("g/2")
     white = both * snow.LINEAR + snow.LEVEL + mu0 * mu * snow.PRODUCT
     for amplitude, decay in snow.PHASE_TERMS:

@@ -30,7 +30,7 @@ SHARED = "traced sun"  # role of the collection of objects that a lamp does not 
 #: Names of the nodes with inputs that describe the Sun. DIRECTION is the place of a source whose NEARNESS is 1.
 DIRECTION, NEARNESS, BLUR, SCRIPT = "Sun Direction", "Source Nearness", "Surge Blur", "Hapke"
 #: Distance in metres that a lamp at the origin of the site gets, since 0 stands for the real Sun.
-_LEAST_DISTANCE_M = 1e-6
+_MIN_DISTANCE_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Sun:
         """Make a point source at a lamp's middle, as if all light came from there."""
         place = find_lamp_matrix(lamp).translation
         x, y, z = place.normalized() if place.length > 0 else Vector((0.0, 0.0, 1.0))
-        return cls((x, y, z), (1.0, 1.0, 1.0), 0.0, max(place.length, _LEAST_DISTANCE_M))
+        return cls((x, y, z), (1.0, 1.0, 1.0), 0.0, max(place.length, _MIN_DISTANCE_M))
 
     @property
     def place(self) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ from .images import Map
 _HEXAGONS_PER_WIDTH = 2.0
 _ROOT_3 = math.sqrt(3.0)
 #: Least z component of a face's normal for a map from above; faces below it are walls, which are mapped from the side.
-_LEAST_FLOOR_NORMAL = 0.5
+_MIN_FLOOR_NORMAL = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class Pieces(Sampler):
         self.normal = geometry.outputs["Normal"]
         size = tree.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])
         east, north, up = tree.separated("Facing", size)
-        self.is_wall = tree.math("LESS_THAN", "Wall", up, _LEAST_FLOOR_NORMAL)
+        self.is_wall = tree.math("LESS_THAN", "Wall", up, _MIN_FLOOR_NORMAL)
         self.faces_east = tree.math("GREATER_THAN", "Faces East", east, north)
         side = self.chosen("Side", self.faces_east, tree.combined("From South", x, z), tree.combined("From East", y, z))
         self.plane = self.chosen("Seen From", self.is_wall, tree.combined("From Above", x, y), side)

@@ -29,9 +29,9 @@ from .kinematics import rigid_transform, rotation_about
 
 Number = TypeVar("Number", int, float)
 #: Maximum number of nodes and their parts, each as often as the scene shows it.
-_MOST_NODES = 100_000
+_MAX_NODES = 100_000
 #: Maximum number of inputs of a corner.
-_MOST_INPUTS = 100
+_MAX_INPUTS = 100
 #: Number of characters that are split into words at once.
 _CHARACTERS_AT_ONCE = 2**18
 #: Largest number in a transform, and largest unit in metres.
@@ -123,8 +123,8 @@ class _ColladaDocument:
         while left:
             node, above = left.pop()
             steps += 1 + len(node)
-            if steps > _MOST_NODES:  # nodes may show each other without end
-                raise RefusedError(f"shows more than {_MOST_NODES} nodes and parts of nodes; join its objects.")
+            if steps > _MAX_NODES:  # nodes may show each other without end
+                raise RefusedError(f"shows more than {_MAX_NODES} nodes and parts of nodes; join its objects.")
             if node.find("instance_controller") is not None:
                 raise RefusedError(
                     "has a skin or a morph (instance_controller), which is not read; apply it and export a plain mesh."
@@ -231,8 +231,8 @@ class _ColladaDocument:
         inputs = [(each, _read_count(each, "offset")) for each in item.findall("input")]
         width = 1 + max((offset for _, offset in inputs), default=0)
         vertex = [(each, offset) for each, offset in inputs if each.get("semantic") == "VERTEX"]
-        if len(vertex) != 1 or width > _MOST_INPUTS:
-            raise ValueError(f"a <{item.tag}> has not one input VERTEX, or more than {_MOST_INPUTS} inputs")
+        if len(vertex) != 1 or width > _MAX_INPUTS:
+            raise ValueError(f"a <{item.tag}> has not one input VERTEX, or more than {_MAX_INPUTS} inputs")
         source = self.source_of(self._find("vertices", vertex[0][0].get("source")))
         if item.find("ph") is not None:
             raise RefusedError("has polygons with holes, which are not read; export it as triangles.")

@@ -22,7 +22,7 @@ _FORMATS = {
     ".dae": (collada.parse_triangles, "a Collada mesh", 40_000_000),
 }
 #: Most triangles of one file.
-MOST_TRIANGLES = 1_000_000
+MAX_TRIANGLES = 1_000_000
 
 
 def read_link_mesh(path: Path) -> tuple[Array, Array]:
@@ -36,7 +36,7 @@ def read_link_mesh(path: Path) -> tuple[Array, Array]:
     parse, kind, most = _FORMATS[suffix]
     return read(
         path,
-        lambda foreign: _check_mesh(*parse(foreign, MOST_TRIANGLES)),
+        lambda foreign: _check_mesh(*parse(foreign, MAX_TRIANGLES)),
         kind,
         "export it again, or change the URDF",
         most=most,

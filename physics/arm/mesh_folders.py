@@ -13,9 +13,9 @@ from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 
 _MANIFEST = "package.xml"
 #: Number of folders above the URDF's folder that are searched.
-_MOST_PARENTS = 8
+_MAX_PARENTS = 8
 #: Largest package.xml in bytes.
-_MOST_MANIFEST_BYTES = 1_000_000
+_MAX_MANIFEST_BYTES = 1_000_000
 #: A folder, and a file that is used if it exists and lies in that folder.
 Place = tuple[Path, Path]
 
@@ -27,7 +27,7 @@ class MeshFolders:
 
     def __init__(self, urdf: Path) -> None:
         self.own = urdf.resolve().parent
-        self._packages = [each for each in (self.own, *self.own.parents)[: _MOST_PARENTS + 1] if _is_package(each)]
+        self._packages = [each for each in (self.own, *self.own.parents)[: _MAX_PARENTS + 1] if _is_package(each)]
         self.package = self._packages[0] if self._packages else self.own
 
     def find_relative_places(self, path: str) -> list[Place]:
@@ -63,7 +63,7 @@ def _read_package_name(folder: Path) -> str:
 
     try:
         return (
-            read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_MANIFEST_BYTES).findtext("name")
+            read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MAX_MANIFEST_BYTES).findtext("name")
             or ""
         ).strip()
     except IcyMoonError:

@@ -29,7 +29,7 @@ from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
 #: Links above this size in metres are likely in another unit.
 _WIDEST_LINK_M = 20.0
 #: Maximum number of triangles of the whole arm.
-MOST_TRIANGLES = 1_000_000
+MAX_TRIANGLES = 1_000_000
 #: Pose that turns a solid of revolution about x into one about z.
 _AXIS_X_TO_Z = rigid_transform(
     np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
@@ -155,7 +155,7 @@ def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int
     ]
     solids: dict[str, Solid] = {}
     meshes: Meshes = {}
-    left = MOST_TRIANGLES
+    left = MAX_TRIANGLES
     for link in order:
         if (solid := _make_link_solid(path, link, urdf.links[link], left, meshes)) is not None:
             solids[names[link]] = solid
@@ -197,7 +197,7 @@ def _make_link_solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int
         most -= max(len(made[-1].triangles), len(made[-1].vertices) // 3)  # vertices without triangles take room too
         if most < 0:  # before the next one: a file may name one mesh many times
             raise IcyMoonError(
-                f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or fewer."
+                f"{path}: its shapes have more than {MAX_TRIANGLES} triangles; make them coarser or fewer."
             )
     whole = join_solids(made)
     if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_LINK_M:

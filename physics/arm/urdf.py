@@ -24,9 +24,9 @@ from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 from .mesh_folders import MeshFolders
 
 #: Largest file in bytes.
-MOST_BYTES = 4_000_000
+MAX_BYTES = 4_000_000
 #: Maximum number of links; each gets its own label.
-MOST_LINKS = 50
+MAX_LINKS = 50
 #: Types of joints that do not move,
 FIXED = ("fixed",)
 #: that turn,
@@ -106,12 +106,12 @@ class _Reader:
         raise IcyMoonError(f"{self.path}: {what}; {fix}.")
 
     def read(self) -> Urdf:
-        robot = read(self.path, self._parse, "a URDF file", "check lander.file", most=MOST_BYTES)
+        robot = read(self.path, self._parse, "a URDF file", "check lander.file", most=MAX_BYTES)
         links = self._index_by_name(robot, "link")
         if not links:
             self.fail("has no link", "give a URDF file, expanded from xacro")
-        if len(links) > MOST_LINKS:
-            self.fail(f"has {len(links)} links, more than {MOST_LINKS}", "merge those that do not move")
+        if len(links) > MAX_LINKS:
+            self.fail(f"has {len(links)} links, more than {MAX_LINKS}", "merge those that do not move")
         joints = [
             self._read_joint(name, item, set(links)) for name, item in self._index_by_name(robot, "joint").items()
         ]

@@ -20,9 +20,9 @@ from ...support.errors import IcyMoonError
 from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.
-_LEAST_RELATIVE_CHANGE = 0.01
+_MIN_RELATIVE_CHANGE = 0.01
 #: Largest rotation in degrees during an exposure and a readout. Beyond it, ends and middle do not determine the path.
-_MOST_TURN_DEG = 90.0
+_MAX_TURN_DEG = 90.0
 _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
 _TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 
@@ -97,10 +97,10 @@ def find_blur(settings: Settings) -> Blur | None:
             "The camera moves, but its exposure time is not known before the render; set "
             "rig.motion_exposure_s, or switch sensor.auto_exposure off."
         )
-    if moves and np.linalg.norm(turn) * (seconds + readout) > _MOST_TURN_DEG:
+    if moves and np.linalg.norm(turn) * (seconds + readout) > _MAX_TURN_DEG:
         raise IcyMoonError(
             f"The rig turns by {np.linalg.norm(turn) * (seconds + readout):.4g}° during an exposure of {seconds:g} s"
-            f"{f' and a readout of {readout:g} s' if readout else ''}; motion blur is made for {_MOST_TURN_DEG:g}° at "
+            f"{f' and a readout of {readout:g} s' if readout else ''}; motion blur is made for {_MAX_TURN_DEG:g}° at "
             "most."
         )
     check_rows_of_lens(rig)
@@ -179,12 +179,12 @@ def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: l
         return []
     said = [blur.warning]
     f_number = float(settings.sensor.f_number)
-    if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _LEAST_RELATIVE_CHANGE:
+    if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _MIN_RELATIVE_CHANGE:
         said.append(
             f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
             f"f/{f_number:g}; render it again."
         )
-    far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _LEAST_RELATIVE_CHANGE]
+    far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _MIN_RELATIVE_CHANGE]
     if far:
         said.append(
             f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "

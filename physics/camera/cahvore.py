@@ -15,7 +15,7 @@ from ...support.arrays import Array
 from .invert_growing import find_smallest_positive_root, invert
 
 #: Maximum number of steps of Newton's method.
-_MOST_NEWTON_STEPS = 60
+_MAX_NEWTON_STEPS = 60
 #: A direction is in the field of the lens if bending and unbending it changes it by at most this.
 _SAME_DIRECTION = 1e-9
 
@@ -94,7 +94,7 @@ def _widest(linearity: float) -> float:
 def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
     """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
     theta = np.arctan2(length, zeta)
-    for _ in range(_MOST_NEWTON_STEPS if e.any() else 0):
+    for _ in range(_MAX_NEWTON_STEPS if e.any() else 0):
         sine, cosine, t2 = np.sin(theta), np.cos(theta), theta**2
         shift = e[0] + t2 * (e[1] + t2 * e[2])
         value = zeta * sine - length * cosine - (theta - sine) * shift

@@ -19,7 +19,7 @@ from ..light.sunlight import sun_colour
 #: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is for linear colours.
 GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
 #: Least signal of white ground in a channel, relative to the strongest channel, for a white balance.
-_LEAST_RELATIVE_SIGNAL = 1e-6
+_MIN_RELATIVE_SIGNAL = 1e-6
 #: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
 #: four sides, on its left and right, above and below, or on its diagonals.
 _Kernels = dict[str, Array]
@@ -103,7 +103,7 @@ def can_balance(white: Array) -> bool:
     """Whether each channel receives enough light for a white balance; ``white`` (channels,) are their signals of white
     ground.
     """
-    return bool(white.min() > _LEAST_RELATIVE_SIGNAL * white.max())
+    return bool(white.min() > _MIN_RELATIVE_SIGNAL * white.max())
 
 
 def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:

@@ -22,9 +22,9 @@ from ..rig.focal_length import focal_px
 from .sensor import find_stream
 
 #: Maximum number of grains that are drawn: some seconds.
-MOST_GRAINS = 50_000
+MAX_GRAINS = 50_000
 #: Maximum number of pixels of the window that the beams cross: 2 GB.
-MOST_WINDOW_PIXELS = 32_000_000
+MAX_WINDOW_PIXELS = 32_000_000
 #: Number of pixels of grains that are drawn together, to bound memory.
 _PIXELS_AT_ONCE = 2_000_000
 #: Index of the deposits among the sensor's random streams; streams 0 and 1 are the patterns of the eyes.
@@ -44,19 +44,19 @@ def compute_blocked_share(
     grain, pupil = float(sensor.deposit_mm) * per_mm, rig.focal_length_mm / float(sensor.f_number) * per_mm
     reach = math.ceil(pupil / 2) + 1
     rows, columns = shape[0] + 2 * reach, shape[1] + 2 * reach
-    if rows * columns > MOST_WINDOW_PIXELS:
+    if rows * columns > MAX_WINDOW_PIXELS:
         raise IcyMoonError(
             f"The beams cross {columns} x {rows} pixels of the window with deposits, more than "
-            f"{MOST_WINDOW_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number."
+            f"{MAX_WINDOW_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number."
         )
     # The number of discs at random places whose union covers this share.
     wide = grain / 2 + 1
     density = -math.log1p(-share) / (math.pi * (grain / 2) ** 2)
     expected = density * (rows + 2 * wide) * (columns + 2 * wide)
-    if expected > MOST_GRAINS:
+    if expected > MAX_GRAINS:
         raise IcyMoonError(
             f"sensor.deposit_share and sensor.deposit_mm make {expected:.3g} grains, more than "
-            f"{MOST_GRAINS}; make the grains larger or fewer."
+            f"{MAX_GRAINS}; make the grains larger or fewer."
         )
     alike = bool(sensor.deposits_alike)
     random = make_generator(

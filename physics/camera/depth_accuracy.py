@@ -23,7 +23,7 @@ _DEPTH_ERROR_PER_WIDTH = 0.9e-7
 _REPORTED_ROUNDING_PX = 0.05
 #: Largest plausible offset of a principal point from the middle, as a share of the image's size; real cameras have up
 #: to 0.05.
-_MOST_OFFSET_SHARE = 0.25
+_MAX_OFFSET_SHARE = 0.25
 
 
 def coordinate_rounding_m(*coordinates_m: float) -> float:
@@ -64,7 +64,7 @@ def advise_on_principal_point(rig: RigSettings) -> list[str]:
         ("principal_y_px", "height_px", ("down", "up")),
     ):
         offset, size = float(rig[key]), int(rig[size_key])
-        if abs(offset) > _MOST_OFFSET_SHARE * size:
+        if abs(offset) > _MAX_OFFSET_SHARE * size:
             where = "outside of the image" if abs(offset) > size / 2 else "far from the middle of the image"
             said.append(
                 f"The principal point is {where}: rig.{key} puts it {abs(offset):g} px {ways[offset < 0]}, and "

@@ -45,7 +45,7 @@ _KEYS_OF_LENS = {
 EYE_TOPICS = ("left_eye", "right_eye")
 #: Largest overscan up to which the eyes' images are taken from a pinhole's image, which then has nine times the pixels
 #: of the rectified images.
-MOST_OVERSCAN = 1.0
+MAX_OVERSCAN = 1.0
 #: Grid of pixels, columns and rows, from which shares of an image are found.
 _GRID_PX = 65, 49
 
@@ -180,7 +180,7 @@ def find_rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
 
 
 #: Cosine of the largest angle from the axis of a rig at which a ray counts as seen by a pinhole.
-_LEAST_AHEAD = 1e-3
+_MIN_AHEAD = 1e-3
 
 
 def _grid_pixels(eye: CalibratedCamera) -> Array:
@@ -211,7 +211,7 @@ def project_to_light(rays: Array, camera: StereoCamera) -> Array:
         return camera.panorama.show(rays)
     middle = np.array([camera.cx_px + camera.margin_x_px, camera.cy_px + camera.margin_y_px]) - 0.5
     with np.errstate(invalid="ignore"):
-        ahead = rays[..., 2:] > _LEAST_AHEAD * np.linalg.norm(rays, axis=-1, keepdims=True)
+        ahead = rays[..., 2:] > _MIN_AHEAD * np.linalg.norm(rays, axis=-1, keepdims=True)
     points = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
     return np.asarray(points * camera.focal_px + middle)
 
@@ -221,7 +221,7 @@ def _find_panorama(camera: StereoCamera) -> Panorama | None:
     """Find the panorama that calibrated eyes need; None if the overscan of the settings, or a pinhole of acceptable
     size, covers their field of view."""
     set_px = np.array([camera.margin_x_px, camera.margin_y_px])
-    shown = max(MOST_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
+    shown = max(MAX_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
     if find_overscan_of_eyes(camera) <= shown:
         return None
     eyes = camera.eyes or ()

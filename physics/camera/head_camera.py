@@ -26,7 +26,7 @@ ROLES = ("hazcam", "mast", "arm", "navigation", "context")
 #: the ground beneath, or above the site's zero.
 FRAMES = ("RIG", "GROUND", "ZERO")
 #: The most cameras of a head.
-MOST_CAMERAS = 16
+MAX_CAMERAS = 16
 #: Largest deviation of a pose's matrix in Blender's single precision from a rotation.
 _SINGLE = 1e-5
 #: Largest angle off the axis, in degrees, up to which a calibrated camera is rendered as a pinhole.

@@ -17,7 +17,7 @@ from .invert_growing import find_positive_roots, find_smallest_positive_root, in
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 #: Maximum number of steps of Newton's method.
-_MOST_NEWTON_STEPS = 25
+_MAX_NEWTON_STEPS = 25
 
 
 def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
@@ -103,7 +103,7 @@ def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
     """Newton's method for ``undistort_points`` from ``start``; NaN where it ends outside the field of the lens."""
     found = start.copy()
     with np.errstate(all="ignore"):
-        for _ in range(_MOST_NEWTON_STEPS):
+        for _ in range(_MAX_NEWTON_STEPS):
             slope = _jacobian(found, k)
             step = distort_points(found, k) - points
             if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:

@@ -32,7 +32,7 @@ _FAN_START = 0.05
 #: Distance of the last sample in heights of the camera.
 _FAN_END = 12.0
 #: Least depth that counts, in heights of the camera. Nearer depths give no useful range, and the lens is in no rock.
-_LEAST_DEPTH = 0.05
+_MIN_DEPTH = 0.05
 
 #: The last ground by its name; the pairs of one scene stand on the same ground.
 _last_ground: dict[str, RockyGround] = {}
@@ -134,7 +134,7 @@ def _depths_in_image(
     """
     x, y, z = ((points - eye) @ axes).T
     depth = z - toward
-    known = np.isfinite(depth) & (depth > _LEAST_DEPTH * rig.height_m)
+    known = np.isfinite(depth) & (depth > _MIN_DEPTH * rig.height_m)
     u, v, wide = (np.where(known, focal * each / np.where(known, depth, 1.0), np.inf) for each in (x, y, size))
     right, down = float(rig.principal_x_px), float(rig.principal_y_px)
     inside = (np.abs(u + right) <= int(rig.width_px) / 2 + wide) & (np.abs(v + down) <= int(rig.height_px) / 2 + wide)

@@ -12,10 +12,10 @@ from ...support.arrays import Array
 
 #: Disparity in px by which an occluder must be nearer. Between two rays of the other eye disparity is taken as linear,
 #: and on curved ground it is not. ``python benchmarks occlusion`` measures the effect of this and other values.
-_LEAST_GAP_PX = 0.25
+_MIN_GAP_PX = 0.25
 #: Further disparity by which an occluder must be nearer, as a share of the difference between the two rays. If one ray
 #: meets the occluder and one passes it, the edge is taken at a quarter of the way from the ray that passes.
-_LEAST_GAP_SHARE = 0.25
+_MIN_GAP_SHARE = 0.25
 
 
 def find_matching_column(disparity: Array, eye: str = "left") -> Array:
@@ -55,6 +55,6 @@ def find_hidden(disparity: Array, other: Array, eye: str) -> Array:
     before, after, weight = _neighbouring_columns(
         np.nan_to_num(other, nan=0.0), column * (other.shape[1] // disparity.shape[1])
     )
-    nearer = np.maximum(_LEAST_GAP_PX, _LEAST_GAP_SHARE * np.abs(after - before))
+    nearer = np.maximum(_MIN_GAP_PX, _MIN_GAP_SHARE * np.abs(after - before))
     with np.errstate(invalid="ignore"):
         return is_in_frame(column) & ((1 - weight) * before + weight * after > disparity + nearer)

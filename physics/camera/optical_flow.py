@@ -15,10 +15,10 @@ from .stereo_camera import StereoCamera
 
 #: Relative difference in distance by which an occluder must be nearer: ten times the error bound of true depth on a
 #: plane.
-_LEAST_GAP = 1e-3
+_MIN_GAP = 1e-3
 #: Further difference by which an occluder must be nearer, as a share of the range of the four pixels around. Between
 #: them inverse depth is taken as linear, while an edge may lie anywhere.
-_LEAST_GAP_SHARE = 0.25
+_MIN_GAP_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -80,5 +80,5 @@ def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
     with np.errstate(invalid="ignore", divide="ignore"):
         own = 1.0 / depth_m
-        nearer = np.maximum(_LEAST_GAP * own, _LEAST_GAP_SHARE * np.ptp(corners, axis=0))
+        nearer = np.maximum(_MIN_GAP * own, _MIN_GAP_SHARE * np.ptp(corners, axis=0))
         return np.asarray(inside & ((weights * corners).sum(axis=0) <= own + nearer))

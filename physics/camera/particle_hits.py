@@ -9,7 +9,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 #: Maximum number of particles in an exposure.
-MOST_HITS = 1_000_000
+MAX_HITS = 1_000_000
 
 
 def expected_hit_count(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
@@ -32,10 +32,10 @@ def draw_hits(
     above a million hits, when every pixel would be hit.
     """
     mean = expected_hit_count(sensor, shape, pitch_m, seconds)
-    if mean > MOST_HITS:
+    if mean > MAX_HITS:
         raise IcyMoonError(
             f"sensor.radiation_flux_cm2_s gives {mean:.3g} hits in {seconds:.3g} s, more than "
-            f"{MOST_HITS}; lower it or sensor.exposure_s."
+            f"{MAX_HITS}; lower it or sensor.exposure_s."
         )
     count = int(random.poisson(mean))
     cos2 = 1.0 - random.random(count)  # above 0

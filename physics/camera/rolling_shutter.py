@@ -18,7 +18,7 @@ from .blur import find_pose_after, has_rolling_shutter, read_motion
 from .stereo_camera import StereoCamera
 
 #: Largest number of steps, and change in rows at which they end, in the search for the row that shows a point.
-_MOST_STEPS, _LEAST_STEP_ROWS = 64, 1e-9
+_MAX_STEPS, _MIN_STEP_ROWS = 64, 1e-9
 #: The formula for users of ``pair.json`` and of exports.
 POSE_OF_ROW = (
     "pose of row r = stated pose of the left eye * [Exp(turn t), velocity t], t = readout (r / (rows - 1) - 1/2), "
@@ -113,10 +113,10 @@ def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter 
         return place, depth
     row = place[:, 1].copy()
     left = np.flatnonzero(np.isfinite(row))  # the points whose row is not yet found
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         place[left], depth[left] = _project(_see(points[left], shutter, row[left]), camera)
         change, row[left] = np.abs(place[left, 1] - row[left]), place[left, 1]
-        left = left[change > _LEAST_STEP_ROWS]
+        left = left[change > _MIN_STEP_ROWS]
     place[left] = np.nan
     return place, depth
 

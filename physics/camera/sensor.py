@@ -27,7 +27,7 @@ SHORTEST_S = 1.0e-6
 LONGEST_S = 1.0e3
 
 #: Share of saturated pixels above which a warning is given.
-MOST_SATURATED_SHARE = 0.02
+MAX_SATURATED_SHARE = 0.02
 
 #: Mean electrons beyond which Poisson noise cannot bring any well (at most 1e7) below full.
 _SURELY_FULL_E = 1.0e9
@@ -95,10 +95,10 @@ def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -
             f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
             "sensor.pixel_pitch_um."
         )
-    if saturated > MOST_SATURATED_SHARE:
+    if saturated > MAX_SATURATED_SHARE:
         cause = "sensor.auto_target or sensor.auto_percentile" if sensor.auto_exposure else "sensor.exposure_s"
         said.append(
-            f"More than {MOST_SATURATED_SHARE:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+            f"More than {MAX_SATURATED_SHARE:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
             "exposures with sensor.brackets."
         )
     return said

@@ -28,7 +28,7 @@ _SMALLEST_CELLS = 3.0
 #: Largest ratio of the widest to the smallest clod.
 _WIDTH_RATIO = 16.0
 #: Maximum number of clods.
-_MOST_CLODS = 20_000
+_MAX_CLODS = 20_000
 #: Area of all clods relative to the area of the heap.
 _COVERED_SHARE = 1.6
 #: Side of the square that has the area of a clod, over the clod's width.
@@ -36,7 +36,7 @@ _SQUARE_SIDE = 0.8
 #: Largest width of a clod over the greatest thickness of the spoil.
 _WIDTH_OVER_THICKNESS = 0.5
 #: Largest share of the spoil in clods.
-_MOST_CLOD_SHARE = 0.5
+_MAX_CLOD_SHARE = 0.5
 #: Range of the friction of the largest clods, relative to spoil.
 _LARGE_FRICTION = (0.35, 1.0)
 #: Friction of the smallest clods, which interlock, relative to spoil.
@@ -56,7 +56,7 @@ _GROUND_FRICTION = 4.0
 #: Share of sorted clods that roll on without it.
 _OUTLIERS = 0.15
 #: Maximum number of steps of a slide. A step is at most one cell.
-_MOST_SLIDE_STEPS = 600
+_MAX_SLIDE_STEPS = 600
 #: Number of side planes of a clod.
 _CLOD_SIDES = 6
 #: Range of their slopes in degrees.
@@ -92,7 +92,7 @@ def add_clods(
     top = ground_m + spoil_m
     raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
-    raised *= min(1.0, _MOST_CLOD_SHARE * total / held) if held > 0.0 else 0.0
+    raised *= min(1.0, _MAX_CLOD_SHARE * total / held) if held > 0.0 else 0.0
     return np.asarray(spoil_m * (1.0 - float(raised.sum()) / total) + raised)
 
 
@@ -142,7 +142,7 @@ def _draw_widths(
     most = max(largest_m, least)
     ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
     mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
-    count = min(math.ceil(covered * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MOST_CLODS)
+    count = min(math.ceil(covered * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MAX_CLODS)
     return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
 
 
@@ -180,7 +180,7 @@ def _slide_clods(
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0
     place, speed = place.copy(), np.zeros_like(place) if speed is None else speed.copy()
-    for _ in range(_MOST_SLIDE_STEPS):
+    for _ in range(_MAX_SLIDE_STEPS):
         at = np.rint(place).astype(int)
         fastest = max(float(np.hypot(*speed.T).max()), 1.0)
         step = 1.0 / fastest

@@ -26,7 +26,7 @@ from .wall_slump import find_retreat_m
 GRAVITY_M_S2 = {"EUROPA": 3202.7121e9 / 1560.8e3**2, "ENCELADUS": 7.2103667e9 / 252.1e3**2}
 
 #: Maximum number of vertices along a side of the grid.
-MOST_GRID_SIDE = 1500
+MAX_GRID_SIDE = 1500
 #: Margin of the grid around trench and heap, in metres,
 _MARGIN_M = 0.03
 #: and in cells.
@@ -179,10 +179,10 @@ def _lay_out_site(
     grid = make_covering_grid(
         min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends), max(e[3] for e in ends), cell
     )
-    if max(grid.rows, grid.columns) > MOST_GRID_SIDE:
+    if max(grid.rows, grid.columns) > MAX_GRID_SIDE:
         raise IcyMoonError(
             f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
-            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_GRID_SIDE} along a "
+            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MAX_GRID_SIDE} along a "
             "side; raise excavation.cell_m, or dig less."
         )
     return ExcavationSite(tuple(_mark(each, marks) for each in pulls), heap, grid, stands, trench, lowest)

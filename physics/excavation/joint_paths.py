@@ -22,7 +22,7 @@ from ..arm.lander_arm import is_users_arm, make_arm
 from ..arm.own_arm import UrdfArm, load_users_arm
 from ..terrain.standing_places import make_rocky_ground
 from .scoop_cut import Pull
-from .scoop_paths import MOST_PLACES, make_pulls_through
+from .scoop_paths import MAX_PLACES, make_pulls_through
 
 #: Largest step in degrees (or centimetres) of a joint. Joints turn evenly between two recorded lines.
 _JOINT_STEP_DEG = 1.0
@@ -45,10 +45,10 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
             f"{states - 1}; raise excavation.states."
         )
     poses = [_interpolate_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]
-    if (places := sum(map(len, poses))) > MOST_PLACES:
+    if (places := sum(map(len, poses))) > MAX_PLACES:
         raise IcyMoonError(
             f"{path}: its joints turn so far that the blade has {places} places, a degree apart, more "
-            f"than {MOST_PLACES}; keep the poses in which it digs."
+            f"than {MAX_PLACES}; keep the poses in which it digs."
         )
     made = [make_pulls_through(_find_tip_places(arm, own, each), width) for each in poses]
     if not any(made):
@@ -76,7 +76,7 @@ def _read_joints(path: Path, arm: Arm, own: UrdfArm | None) -> Array:
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
     rows = []
-    for number, row in read_number_lines(path, columns, "excavation.file", MOST_PLACES):
+    for number, row in read_number_lines(path, columns, "excavation.file", MAX_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
                 f"{path}: line {number} is not a pose of the arm; give a whole state from 1, and "

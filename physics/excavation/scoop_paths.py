@@ -21,7 +21,7 @@ NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"
 #: Columns that a recorded path must have.
 PATH_COLUMNS = ("state", "x_m", "y_m", "depth_m")
 #: Maximum number of places of a recorded path.
-MOST_PLACES = 20_000
+MAX_PLACES = 20_000
 #: Largest distance of a place from the origin, in metres.
 _FARTHEST_M = 1.0e4
 #: Largest depth of a place, in metres.
@@ -104,7 +104,7 @@ def read_path(path: Path) -> Array:
     first line names the columns; only ``PATH_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or
     number, for a number out of range, and for too many lines."""
     rows = []
-    for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MOST_PLACES):
+    for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MAX_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
                 f"{path}: line {number} is not a place of the blade; give a whole state from 1, and "

@@ -26,16 +26,16 @@ _TOLERANCE = 0.03
 #: Number of sweeps between tests.
 _SWEEPS_PER_TEST = 10
 #: Maximum number of sweeps.
-_MOST_SWEEPS = 400
+_MAX_SWEEPS = 400
 #: A slide over a long distance takes a number of sweeps proportional to the square of the distance. If ground still
 #: slides, pairs this many times as far apart are therefore swept first. The result is the same, because no slope over a
 #: distance is steeper than the steepest slope within it. A stride of up to 8 cells cannot skip a trench that is wider
 #: than 8 cells.
 _STRIDES = (4, 2)
 #: Maximum number of sweeps at a stride.
-_MOST_STRIDE_SWEEPS = 100
+_MAX_STRIDE_SWEEPS = 100
 #: Maximum number of cycles of strides.
-_MOST_CYCLES = 10
+_MAX_CYCLES = 10
 #: Maximum number of bulking passes; each pass turns less ground into spoil.
 _BULKING_PASSES = 4
 #: Width in cells of the margin around ground that may move.
@@ -113,13 +113,13 @@ def _settle_slopes(
     Each move between two cells lowers the sum of squares of all heights, by no less than the tolerance allows, so the
     sweeps end.
     """
-    sweeps, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
-    for _ in range(_MOST_CYCLES):
+    sweeps, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MAX_SWEEPS)
+    for _ in range(_MAX_CYCLES):
         if rests:
             break
         for stride in _STRIDES:
-            sweeps += _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDE_SWEEPS)[0]
-        more, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
+            sweeps += _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, stride, _MAX_STRIDE_SWEEPS)[0]
+        more, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MAX_SWEEPS)
         sweeps += more
     return sweeps, rests
 

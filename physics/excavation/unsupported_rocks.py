@@ -32,7 +32,7 @@ _ROLLING_SLOPE_DEG = 20.0
 #: Step of a rolling rock, over its diameter.
 _ROLL_STEP = 0.25
 #: Maximum number of steps.
-_MOST_ROLL_STEPS = 60
+_MAX_ROLL_STEPS = 60
 #: Least size of a rock that blocks another, over the other's diameter.
 _BLOCKING_SIZE = 0.5
 
@@ -84,7 +84,7 @@ def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) ->
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)
     near = (diameters >= _BLOCKING_SIZE * diameter) & (
-        np.hypot(*(places - place).T) < _MOST_ROLL_STEPS * _ROLL_STEP * diameter + touch
+        np.hypot(*(places - place).T) < _MAX_ROLL_STEPS * _ROLL_STEP * diameter + touch
     )
     near[rock] = False
     others, touch = places[near], touch[near]
@@ -98,7 +98,7 @@ def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) ->
         return float(z.mean()), fall
 
     at, (height, fall) = place.copy(), ground(place)
-    for _ in range(_MOST_ROLL_STEPS):
+    for _ in range(_MAX_ROLL_STEPS):
         steep = float(np.hypot(*fall))
         if not steep > math.tan(math.radians(_ROLLING_SLOPE_DEG)):
             break

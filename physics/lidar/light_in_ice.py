@@ -44,7 +44,7 @@ _LOG_NODES, _NODES_A_DEVIATION = 500, 4.0
 #: which the waveform begins. Light between two cells widens the waveform; with 64 cells the rising edge is then up to 1
 #: % of its bias early.
 _CELLS_A_DEVIATION, _DEVIATIONS = 64.0, 5.0
-_MOST_CELLS = 400_000
+_MAX_CELLS = 400_000
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ class Receiver:
             raise IcyMoonError("The receiver's field or the beam has a negative radius; give more than 0 m.")
         if not 0.0 <= self.surface_share <= 1.0:
             raise IcyMoonError(f"The surface's share is {self.surface_share:g}; give 0 to 1.")
-        if self.gate_m / self.deviation_m * _CELLS_A_DEVIATION > _MOST_CELLS:
+        if self.gate_m / self.deviation_m * _CELLS_A_DEVIATION > _MAX_CELLS:
             raise IcyMoonError(
                 f"A gate of {self.gate_m:g} m is too long for a pulse of {self.pulse_fwhm_s:g} s; shorten the gate."
             )

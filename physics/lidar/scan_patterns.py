@@ -16,7 +16,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 #: Number of beams of the largest pattern.
-MOST_BEAMS = 10**9
+MAX_BEAMS = 10**9
 #: Widest field of a flash, which is a pinhole camera.
 WIDEST_FLASH_DEG = 170.0
 
@@ -58,9 +58,9 @@ class ScanPattern:
                 f"The LiDAR's pattern has {self.rows} rows and {self.columns} columns, so it has no beams; give at "
                 "least one of each."
             )
-        if self.count > MOST_BEAMS:
+        if self.count > MAX_BEAMS:
             raise IcyMoonError(
-                f"The LiDAR's pattern has {self.count:.3g} beams; reduce lidar.rows or lidar.columns to {MOST_BEAMS:g} "
+                f"The LiDAR's pattern has {self.count:.3g} beams; reduce lidar.rows or lidar.columns to {MAX_BEAMS:g} "
                 "or fewer beams."
             )
         widest = WIDEST_FLASH_DEG if self.kind == "FLASH" else 360.0

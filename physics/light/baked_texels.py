@@ -20,7 +20,7 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Maximum number of corners of a facet that has texels.
-MOST_CORNERS = 4
+MAX_CORNERS = 4
 #: Texels along a side of a facet's square; a triangle uses three texels of the square.
 _TEXELS_PER_SIDE = 2
 #: Image coordinate of corners without texels, outside the image.
@@ -58,7 +58,7 @@ def lay_out_texels(starts: Array, counts: Array, corners: Array, areas: Array, w
     """The texels of a mesh. ``starts``, ``counts`` and ``areas`` (facets,) are the first corner, number of corners and
     area of each facet; ``corners`` are vertices. Only ``wanted`` (facets,) facets get texels; the corners of others are
     outside the image. Raises ValueError for a facet with more than four corners."""
-    if len(counts) and (counts.min() < 3 or counts.max() > MOST_CORNERS):
+    if len(counts) and (counts.min() < 3 or counts.max() > MAX_CORNERS):
         raise ValueError("A facet has more than four corners.")
     count = int(wanted.sum())
     columns = max(1, math.ceil(math.sqrt(count)))

@@ -9,7 +9,7 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Sine of the angle to the vertical below which double precision cannot separate heading and roll.
-_LEAST_SINE = 1e-12
+_MIN_SINE = 1e-12
 
 
 def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
@@ -40,7 +40,7 @@ def camera_angles(axes: Array) -> tuple[float, float, float]:
     right, forward = axes[:, 0], axes[:, 2]
     level = math.hypot(forward[0], forward[1])
     pitch = math.atan2(-forward[2], level)
-    if level < _LEAST_SINE:
+    if level < _MIN_SINE:
         return math.degrees(math.atan2(-right[1], right[0])), math.degrees(pitch), 0.0
     heading = math.atan2(forward[0], forward[1])
     unrolled = camera_axes(math.degrees(heading), math.degrees(pitch))

@@ -16,11 +16,11 @@ from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, note_on_backslashes, read
 
 #: Largest text kernel in bytes.
-_MOST_TEXT_BYTES = 2**25
+_MAX_TEXT_BYTES = 2**25
 #: Largest binary kernel in bytes.
-_MOST_BINARY_BYTES = 2**36
+_MAX_BINARY_BYTES = 2**36
 #: Maximum number of files of a folder.
-_MOST_FILES = 2000
+_MAX_FILES = 2000
 _FIX = "get it again, or leave it out"
 #: First bytes of binary kernels.
 _BINARY_MARKS = (b"DAF/SPK", b"DAF/PCK", b"DAF/CK", b"NAIF/DAF")
@@ -60,8 +60,8 @@ def list_kernel_files(path: Path) -> list[Path]:
     there = sorted(path.iterdir())
     inner = [file for folder in there if folder.is_dir() for file in sorted(folder.iterdir()) if file.is_file()]
     found = [*(file for file in there if file.is_file()), *inner]
-    if len(found) > _MOST_FILES:
-        raise IcyMoonError(f"{path} has {len(found)} files, more than {_MOST_FILES}; give a folder of kernels.")
+    if len(found) > _MAX_FILES:
+        raise IcyMoonError(f"{path} has {len(found)} files, more than {_MAX_FILES}; give a folder of kernels.")
     return found
 
 
@@ -76,7 +76,7 @@ def _inspect_kernel(path: Path) -> tuple[str, ...] | None:
 
 @lru_cache(maxsize=4096)
 def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] | None:
-    return read(path, _parse_kernel, "a SPICE kernel", _FIX, most=_MOST_BINARY_BYTES)
+    return read(path, _parse_kernel, "a SPICE kernel", _FIX, most=_MAX_BINARY_BYTES)
 
 
 def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
@@ -85,11 +85,11 @@ def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
     if head.startswith(_BINARY_MARKS):
         _check_binary(foreign, head)
         return ()
-    if b"\0" in head or (foreign.size > _MOST_TEXT_BYTES and not head.startswith(b"KPL/")):
+    if b"\0" in head or (foreign.size > _MAX_TEXT_BYTES and not head.startswith(b"KPL/")):
         return None
-    if foreign.size > _MOST_TEXT_BYTES:
+    if foreign.size > _MAX_TEXT_BYTES:
         raise RefusedError(
-            f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT_BYTES / 1e6:.0f}; {_FIX}."
+            f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MAX_TEXT_BYTES / 1e6:.0f}; {_FIX}."
         )
     data = _extract_data(foreign)
     return None if data is None else _list_kernels_to_load(data)
@@ -139,8 +139,8 @@ def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
             before = before.replace(b"$" + symbol, value)
         listed.append(before.decode("utf-8", "replace"))
         before = b""
-        if len(listed) > _MOST_FILES:
-            raise ValueError(f"it names more than {_MOST_FILES} kernels")
+        if len(listed) > _MAX_FILES:
+            raise ValueError(f"it names more than {_MAX_FILES} kernels")
     if not listed:
         raise ValueError("it names no kernel in KERNELS_TO_LOAD")
     return tuple(listed)

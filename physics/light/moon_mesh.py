@@ -17,7 +17,7 @@ from .moons import SkyMoon
 from .planetshine import VisibleCap, make_disc_mesh
 
 #: Width in pixels below which a moon is a cone of light.
-_LEAST_DISC_PX = 2.0
+_MIN_DISC_PX = 2.0
 #: Radius in pixels that a cone has beyond the moon's; with it, Cycles' pixel filter loses at most 5 % of the light.
 _SPREAD_PX = 1.0
 
@@ -42,7 +42,7 @@ def make_moon_mesh(moons: Sequence[SkyMoon], pixel_rad: float) -> MoonMesh:
     """The moons for cameras whose pixels are ``pixel_rad`` radians wide. Not cut at the horizon."""
     parts, first = [], 0
     for moon in moons:
-        wide = math.radians(moon.globe.angular_diameter_deg) >= _LEAST_DISC_PX * pixel_rad
+        wide = math.radians(moon.globe.angular_diameter_deg) >= _MIN_DISC_PX * pixel_rad
         part = _make_disc(moon, pixel_rad) if wide else _make_cone(moon, pixel_rad)
         parts.append(MoonMesh(moon.distance * part.vertices, part.faces + first, part.radiance, part.transmission))
         first += len(part.vertices)

@@ -23,7 +23,7 @@ from ...support.arrays import Array
 from .planetshine import Planet, VisibleCap, make_cap_nodes
 
 #: Least cosine of the angle of emission, which keeps the limb finite.
-LEAST_COSINE = 0.02
+MIN_COSINE = 0.02
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Arra
     """Unscaled radiance (..., 3), without ripples, relative to an even globe with the Sun in the zenith. ``normal`` and
     ``toward`` (..., 3) are unit vectors, ``toward`` to the observer."""
     incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
-    emission = np.maximum((normal * toward).sum(axis=-1), LEAST_COSINE)[..., None]
+    emission = np.maximum((normal * toward).sum(axis=-1), MIN_COSINE)[..., None]
     both = incidence * emission / (incidence + emission if face.limb.law == "BARKSTROM" else 1.0)
     exponents = np.array(face.limb.exponents_at(planet.phase_deg))
     return np.asarray(_band_reflectance(face, planet, normal) * both**exponents / emission)

@@ -118,7 +118,7 @@ def azimuth_deg(direction: Array) -> float:
 
 #: Largest relative difference between the mean radius of the described ground's body and of the body whose sky a date
 #: gives. Other round moons differ by more: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
-_MOST_RADIUS_DIFFERENCE = 0.05
+_MAX_RADIUS_DIFFERENCE = 0.05
 
 
 def check_body(
@@ -130,7 +130,7 @@ def check_body(
     if light.directions_from == "ANGLES" or body is None:
         return
     own_km = math.prod(body.radii_km) ** (1 / 3)
-    if abs(radius_km / own_km - 1) > _MOST_RADIUS_DIFFERENCE:
+    if abs(radius_km / own_km - 1) > _MAX_RADIUS_DIFFERENCE:
         raise IcyMoonError(
             f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
             f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "

@@ -15,7 +15,7 @@ from .sky import SkyPlace
 _SAME_SITE_DEG = 0.1
 #: Least angle between a map's up and north that is reported. On a map of one zone the convergence of the grid is
 #: smaller, and shadows hardly move.
-_LEAST_TURN_DEG = 1.0
+_MIN_TURN_DEG = 1.0
 
 
 def uses_sky_of_site(settings: Settings) -> bool:
@@ -57,14 +57,14 @@ def warn_sky_of_another_site(light: LightSettings, place: Mapping[str, Any] | No
     elif 90.0 - abs(light.latitude_deg) <= _SAME_SITE_DEG:  # where a longitude is a direction
         over = math.copysign(1.0, latitude)
         found = _wrap_deg(north - over * (light.longitude_deg - longitude))
-        if abs(found) > _LEAST_TURN_DEG:
+        if abs(found) > _MIN_TURN_DEG:
             said.append(
                 f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
                 f"clockwise of the map's up, from which the azimuths of a date are counted; set "
                 f"light.longitude_deg to {_wrap_deg(longitude + over * north):.4f}, whose north is up."
             )
         return said
-    if abs(north) > _LEAST_TURN_DEG:
+    if abs(north) > _MIN_TURN_DEG:
         said.append(
             f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
             f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "

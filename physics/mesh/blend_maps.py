@@ -14,7 +14,7 @@ from .nested_rings import Level
 
 #: The map counts at a place if at least this share of the square around it is known; at a straight edge a half is
 #: known.
-_LEAST_SHARE = 0.5 - 1e-6
+_MIN_SHARE = 0.5 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequ
 
 def _fill_gaps(means: LevelMeans) -> Array:
     """Heights where enough of the map is known, with gaps filled; NaN elsewhere."""
-    counts = means.share >= _LEAST_SHARE
+    counts = means.share >= _MIN_SHARE
     heights = means.heights_m
     if not np.isfinite(heights).any():
         return np.full(heights.shape, np.nan)

@@ -40,7 +40,7 @@ _EDGE_DEPTH = 0.55
 #: Sides of a wall's triangle longer than this, in pixels, are halved.
 _LONGEST_SIDE_PX = 3.0
 #: Maximum number of halvings.
-_MOST_HALVINGS = 5
+_MAX_HALVINGS = 5
 #: Number of smoothing passes over a wall before it is broken.
 _SMOOTHING_PASSES = 3
 #: Share of the largest number of vertices that the mesh has before walls are broken.
@@ -144,7 +144,7 @@ def break_walls(
     seen_m = np.where(free, pixel_m, np.inf)
     of_face = np.arange(len(faces))
     positions = _smooth_walls(positions, faces, free)
-    for _ in range(_MOST_HALVINGS):
+    for _ in range(_MAX_HALVINGS):
         edges, sides, some = _find_long_sides(positions, faces, seen_m)
         if not len(edges) or len(positions) + len(edges) > most:
             break

@@ -29,7 +29,7 @@ _COARSEST_CUT = 0.15
 #: Largest change of the signed distance along an edge that is no jump, over the distance between lines.
 _LARGEST_CHANGE = 0.4
 #: Twice the area, in squared spacings, below which a triangle counts as folded.
-_LEAST_DOUBLE_AREA = 0.05
+_MIN_DOUBLE_AREA = 0.05
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _move_without_folding(places: Array, faces: Array, which: Array, moved: Arra
     (n,)."""
     start, on_line = places[which].copy(), np.zeros(len(places), bool)
     places[which], on_line[which] = moved, True
-    least = _LEAST_DOUBLE_AREA * step_m[faces[:, 0]] ** 2
+    least = _MIN_DOUBLE_AREA * step_m[faces[:, 0]] ** 2
     around = np.flatnonzero(on_line[faces].any(axis=1))
     while True:
         a, b, c = (places[faces[around, k]] for k in range(3))

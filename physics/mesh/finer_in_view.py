@@ -28,7 +28,7 @@ RMS_OVER_AMPLITUDE = 0.068
 #: Height of fine relief over its RMS height: from two standard deviations below the mean to two above.
 _HEIGHT_OVER_RMS = 4.0
 #: Least height of relief that is geometry, in units of the mesh's largest error.
-_LEAST_HEIGHT = 0.5
+_MIN_HEIGHT = 0.5
 #: Spacing of the vertices of fine relief in pixels, or in units of the largest error if that is larger. With 1.25 the
 #: median angle between shading normal and facet is below 2 degrees, with 1.5 it is 3.5 (``python benchmarks
 #: fine_relief``).
@@ -126,7 +126,7 @@ def find_relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRel
         return None
     error_px, everywhere = float(settings.mesh.error_px), settings.mesh.seen == "FINE"
     high = relief_height_m(settings.surface) if is_relief_geometry(settings) else 0.0
-    farthest = high * pixels_per_radian / (_LEAST_HEIGHT * error_px)
+    farthest = high * pixels_per_radian / (_MIN_HEIGHT * error_px)
     if farthest <= nearest_ground_m(settings.rig) and not everywhere:
         return None
     return FineRelief(farthest, PARTS_OF_SIDE, _SPACING_PX * max(error_px, 1.0), everywhere)

@@ -174,7 +174,7 @@ def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
         if others.size < 2 or (count < 2 and abs(mark) not in USUAL_MARKS):
             continue
         gap = float(np.abs(others - mark).min())
-        if gap > _MARK_DISTANCE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
+        if gap > _MARK_DISTANCE * float(np.ptp(others)) and count < _MAX_MARKED * known.sum():
             values = np.where(values == mark, np.nan, values)
             sentences.append(
                 f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
@@ -188,7 +188,7 @@ USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
 #: Least distance of a mark from the other heights, over their range.
 _MARK_DISTANCE = 3.0
 #: Largest share of pixels with a mark.
-_MOST_MARKED = 0.5
+_MAX_MARKED = 0.5
 
 
 def make_grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Maximum number of passes that remove triangles at vertices where the rim meets itself.
-_MOST_PINCH_PASSES = 8
+_MAX_PINCH_PASSES = 8
 #: Largest distance of an edge from the side that it lies on, over the length of the side.
 _ON_SIDE_DISTANCE = 1.0e-3
 
@@ -31,7 +31,7 @@ def cut_hole(
         corners = [values[faces[:, k]] for k in range(3)]
         meets &= np.maximum(np.maximum(corners[0], corners[1]), corners[2]) >= low - free_m
         meets &= np.minimum(np.minimum(corners[0], corners[1]), corners[2]) <= high + free_m
-    for _ in range(_MOST_PINCH_PASSES):
+    for _ in range(_MAX_PINCH_PASSES):
         meets, rim = _close_seams(positions, faces, meets)
         starts, times = np.unique(rim[:, 0], return_counts=True)
         if not (times > 1).any():

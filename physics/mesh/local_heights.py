@@ -7,7 +7,7 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Cells along the width of the surroundings, and most cells along a side of the map of means.
-_CELLS_OF_WIDTH, _MOST_CELLS = 12, 2048
+_CELLS_OF_WIDTH, _MAX_CELLS = 12, 2048
 
 
 def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) -> tuple[Array, Array]:
@@ -19,7 +19,7 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
     """
     cell = width_m / _CELLS_OF_WIDTH
     middle = (float(np.median(x_m)), float(np.median(y_m)))
-    half = min(max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max()), cell * _MOST_CELLS / 2)
+    half = min(max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max()), cell * _MAX_CELLS / 2)
     count = int(np.ceil(2.0 * half / cell)) + 1
     column, row = ((at - centre + half) / cell for at, centre in ((x_m, middle[0]), (y_m, middle[1])))
     known = (column >= 0.0) & (column <= count - 1) & (row >= 0.0) & (row <= count - 1)

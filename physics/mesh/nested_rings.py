@@ -17,7 +17,7 @@ from ...support.arrays import Array
 
 #: Fewest and most cells along the inner side of a ring: a cell is then as wide as 1/16 to 1/128 of its distance from
 #: the middle.
-_FEWEST_CELLS, _MOST_CELLS = 32, 256
+_FEWEST_CELLS, _MAX_CELLS = 32, 256
 #: Fewest cells across a ring, so that widths double gradually.
 _FEWEST_ACROSS = 2
 #: Cells of a ring are finer than this share of the pixels of its map only where the doubling needs it.
@@ -74,7 +74,7 @@ def plan_levels(cells: int, size_m: float, reach_m: float, pixel_at: Callable[[f
     are as narrow as possible where their cells are finer than half of a pixel.
     """
     levels = [Level(size_m / 2, size_m / cells, 0, cells)]
-    most = max(_FEWEST_CELLS, min(_MOST_CELLS, cells // 2 // _MULTIPLE * _MULTIPLE))
+    most = max(_FEWEST_CELLS, min(_MAX_CELLS, cells // 2 // _MULTIPLE * _MULTIPLE))
     while levels[-1].half_m < reach_m * (1 - 1e-9):
         half, cell, inner = levels[-1].half_m, 2 * levels[-1].cell_m, levels[-1].outer // 2
         wanted = most if cell >= _PIXEL_SHARE * pixel_at(half) else _FEWEST_CELLS

@@ -11,7 +11,7 @@ from ...support.arrays import Array
 
 #: Distance between rings over the spacing along them; this value makes the triangles equilateral.
 RINGS_APART = math.sqrt(3.0) / 2.0
-_LEAST_PER_RING = 6
+_MIN_PER_RING = 6
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class VertexRings:
     @classmethod
     def of(cls, radius_m: Array, spacing_m: Array) -> VertexRings:
         """Rings whose vertices are about ``spacing_m`` (n,) apart."""
-        count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _LEAST_PER_RING).astype(np.int64)
+        count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _MIN_PER_RING).astype(np.int64)
         return cls(np.asarray(radius_m, np.float64), count)
 
     @property

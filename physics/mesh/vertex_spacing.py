@@ -32,7 +32,7 @@ _TRIANGLES_MEASURED = 1800
 #: Number of sectors into which they are sorted.
 _SECTORS = 6
 #: Maximum number of sizes that are tried, each half the previous one, from the longest edge to more than memory holds.
-_MOST_HALVINGS = 24
+_MAX_HALVINGS = 24
 #: Share of the measured triangles whose error is within the bound. In an image this share is 0.95: an image shows few
 #: hills, and their crests, which face the eye and hide the ground behind them, have larger errors.
 _SHARE_WITHIN_ERROR = 0.97
@@ -45,7 +45,7 @@ CARRIED_WAVELENGTH = 0.7
 #: Largest relief of the ground, over the relief of its sampled points.
 _RELIEF_MARGIN = 1.25
 #: Least distance at which ground is seen, over the camera's height, even if the ground rises toward it.
-_LEAST_DISTANCE = 0.25
+_MIN_DISTANCE = 0.25
 #: Beyond the ground with fine relief, the limit on the spacing grows with this power of the distance.
 _SPACING_EXPONENT = 4.0
 #: Largest ratio of the edges of a strip between two rings to its spacing.
@@ -205,7 +205,7 @@ class _ErrorProbe:
         self._z = ground.heights(self._x, self._y)
         toward = np.minimum(radius, at.baseline_m)  # the other eye, on the side of the ground looked at
         self._to_eye = np.stack([(toward - radius) * east, (toward - radius) * north, ground_m + at.height_m - self._z])
-        self._far = np.maximum(np.linalg.norm(self._to_eye, axis=0), _LEAST_DISTANCE * at.height_m)
+        self._far = np.maximum(np.linalg.norm(self._to_eye, axis=0), _MIN_DISTANCE * at.height_m)
         self._spacing = at.nearest_m(radius) / at.pixels_per_radian
 
     def error_px(self, spacing_px: float) -> float:
@@ -238,7 +238,7 @@ def _bound_error(errors: Array, weights: Array) -> float:
 def _measure_curve(probe: _ErrorProbe, longest_px: float, error_px: float) -> tuple[Array, Array]:
     """Decreasing spacings in pixels, and their errors, down to the first error within ``error_px``."""
     spacings, errors = [longest_px], [probe.error_px(longest_px)]
-    while errors[-1] > error_px and len(spacings) < _MOST_HALVINGS:
+    while errors[-1] > error_px and len(spacings) < _MAX_HALVINGS:
         spacings.append(spacings[-1] / 2)
         errors.append(min(probe.error_px(spacings[-1]), errors[-1]))
     return np.array(spacings), np.array(errors)

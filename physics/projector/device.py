@@ -11,7 +11,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 #: Most pixels of a projector.
-_MOST_PIXELS = 2**24
+_MAX_PIXELS = 2**24
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Projector:
     elevation_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.columns < 1 or self.rows < 1 or self.columns * self.rows > _MOST_PIXELS:
+        if self.columns < 1 or self.rows < 1 or self.columns * self.rows > _MAX_PIXELS:
             raise IcyMoonError(
-                f"The projector has {self.columns} x {self.rows} pixels; give 1 to {_MOST_PIXELS / 1e6:.0f} million."
+                f"The projector has {self.columns} x {self.rows} pixels; give 1 to {_MAX_PIXELS / 1e6:.0f} million."
             )
         if not 0.1 <= self.width_deg <= 150:
             raise IcyMoonError(f"The projector's field is {self.width_deg:g}° wide; give 0.1° to 150°.")

@@ -18,7 +18,7 @@ from .device import Projector
 #: Names of the patterns.
 PATTERNS = ("DOTS", "STRIPES", "GRAY_PHASE")
 #: Least number of shifts of a phase.
-_LEAST_SHIFTS = 3
+_MIN_SHIFTS = 3
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ def count_gray_bits(projector: Projector, period_px: float) -> int:
 def make_gray_and_phase(projector: Projector, period_px: float, shifts: int) -> Array:
     """A sequence: all on, all off, the Gray code of each half period from its first bit on, and the shifted stripes."""
     _check_period(period_px)
-    if not _LEAST_SHIFTS <= shifts <= 64:
-        raise IcyMoonError(f"The phase has {shifts} shifts; give {_LEAST_SHIFTS} to 64.")
+    if not _MIN_SHIFTS <= shifts <= 64:
+        raise IcyMoonError(f"The phase has {shifts} shifts; give {_MIN_SHIFTS} to 64.")
     half = np.floor((np.arange(projector.columns) + 0.5) / (period_px / 2)).astype(int)
     gray, bits = half ^ (half >> 1), count_gray_bits(projector, period_px)
     rows = [np.ones(projector.columns), np.zeros(projector.columns)]

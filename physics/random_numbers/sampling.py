@@ -42,7 +42,7 @@ _JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
     (157, (1, 3, 1, 13, 9, 35, 107)),
 )
 #: Largest number of dimensions of ``draw_sobol``.
-MOST_DIMENSIONS = 1 + len(_JOE_KUO)
+MAX_DIMENSIONS = 1 + len(_JOE_KUO)
 
 
 def _direction_numbers(dimension: int) -> Array:
@@ -66,10 +66,10 @@ def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
 
     The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property of
     the sequence: each of 2^m equal parts of every axis contains one of the first 2^m points. Raises ValueError for more
-    than ``MOST_DIMENSIONS`` axes.
+    than ``MAX_DIMENSIONS`` axes.
     """
-    if len(randoms) > MOST_DIMENSIONS:
-        raise ValueError(f"{len(randoms)} axes, Sobol's sequence has {MOST_DIMENSIONS} here")
+    if len(randoms) > MAX_DIMENSIONS:
+        raise ValueError(f"{len(randoms)} axes, Sobol's sequence has {MAX_DIMENSIONS} here")
     index = np.arange(count, dtype=np.uint64)
     gray = index ^ (index >> np.uint64(1))
     columns = []

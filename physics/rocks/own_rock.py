@@ -18,10 +18,10 @@ from .rock_shapes import RockShape, make_rock_shapes
 
 OWN = "OWN"
 #: Most triangles of a rock: as many as broken ice has in the foreground. A scene has thousands of rocks.
-MOST_TRIANGLES = 20480
+MAX_TRIANGLES = 20480
 #: By suffix: reader and name of a format; most triangles that are read, and largest file in bytes.
 _FORMATS = {".obj": (obj.parse_triangles, "an OBJ mesh"), ".stl": (stl.parse_triangles, "an STL mesh")}
-_MOST_READ, _MOST_BYTES = 100_000, 20_000_000
+_MAX_READ, _MAX_BYTES = 100_000, 20_000_000
 #: Points across and along the square in which the area of a rock seen from above is sampled.
 _SIDE = 256
 
@@ -51,7 +51,7 @@ def _read_shape(path: Path, written_ns: int) -> tuple[RockShape, float]:
     if path.suffix.lower() not in _FORMATS:
         raise IcyMoonError(f"{path}: the mesh of a rock is read from {' and '.join(_FORMATS)}; convert this one.")
     parse, kind = _FORMATS[path.suffix.lower()]
-    mesh = read(path, lambda foreign: parse(foreign, _MOST_READ), kind, "choose another file", most=_MOST_BYTES)
+    mesh = read(path, lambda foreign: parse(foreign, _MAX_READ), kind, "choose another file", most=_MAX_BYTES)
     return make_own_shape(*mesh, str(path))
 
 
@@ -62,9 +62,9 @@ def make_own_shape(vertices: Array, triangles: Array, where: str) -> tuple[RockS
     The mean width is the diameter of a circle of the rock's area seen from above. Raises IcyMoonError, with ``where``,
     for a mesh that is not closed, encloses nothing or has too many triangles.
     """
-    if len(triangles) > MOST_TRIANGLES:
+    if len(triangles) > MAX_TRIANGLES:
         raise IcyMoonError(
-            f"{where}: a rock has at most {MOST_TRIANGLES} triangles, but this one has {len(triangles)}; decimate it."
+            f"{where}: a rock has at most {MAX_TRIANGLES} triangles, but this one has {len(triangles)}; decimate it."
         )
     if not np.isfinite(vertices).all():
         raise IcyMoonError(f"{where}: the mesh has vertices that are not finite numbers; export it again.")

@@ -25,7 +25,7 @@ MASK_SETTINGS = {
     "frost": ("surface", "frost_mask_file"),
 }
 #: Largest file in bytes, most pixels, and bytes of memory for reading one.
-_MOST_BYTES, _MOST_PIXELS, _MOST_MEMORY = 2**28, 2**24, 2**31
+_MAX_BYTES, _MAX_PIXELS, _MAX_MEMORY = 2**28, 2**24, 2**31
 #: Channels of a PNG that are brightness, by their number; others are opacity.
 _GREY_CHANNELS = {1: 1, 2: 1, 3: 3, 4: 3}
 _FIX = "save it as PNG, or open it in Blender's Image Editor and press Use Image as Mask"
@@ -80,7 +80,7 @@ def read_mask(path: Path) -> Array:
 
 @lru_cache(maxsize=8)
 def _read_mask(path: Path, written_ns: int, size: int) -> Array:
-    values = read(path, _parse_mask, "a mask", _FIX, _MOST_BYTES, _MOST_MEMORY)
+    values = read(path, _parse_mask, "a mask", _FIX, _MAX_BYTES, _MAX_MEMORY)
     if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
         raise IcyMoonError(f"{path}: a mask has numbers from 0 to 1, but this one has others; scale it.")
     values.setflags(write=False)
@@ -95,8 +95,8 @@ def _parse_mask(foreign: ForeignBytes) -> Array:
         values = parse_npy(foreign, "fiub").astype(np.float32)
     else:
         raise RefusedError(f"is not a PNG or NPY file; {_FIX}.")
-    if values.ndim != 2 or not values.size or values.size > _MOST_PIXELS:
+    if values.ndim != 2 or not values.size or values.size > _MAX_PIXELS:
         raise RefusedError(
-            f"has the shape {values.shape}; a mask is an array (rows, columns), of at most {_MOST_PIXELS} pixels."
+            f"has the shape {values.shape}; a mask is an array (rows, columns), of at most {_MAX_PIXELS} pixels."
         )
     return values

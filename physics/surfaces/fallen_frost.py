@@ -21,7 +21,7 @@ from ...support.arrays import Array, Numbers
 #: Half of the range of slopes in degrees over which frost stops to hold.
 HOLD_RANGE_DEG = 15.0
 #: Largest share of level ground, since no number of random grains covers all of it.
-MOST_SHARE = 0.9999
+MAX_SHARE = 0.9999
 
 
 def find_origin(surface: SurfaceSettings) -> tuple[float, float, float]:
@@ -38,7 +38,7 @@ def find_hold_cosines(surface: SurfaceSettings) -> tuple[float, float]:
 
 def find_free_exponent(surface: SurfaceSettings) -> float:
     """The logarithm of the share of level, open ground that falling grains leave free."""
-    return math.log(1.0 - min(surface.frost_share, MOST_SHARE))
+    return math.log(1.0 - min(surface.frost_share, MAX_SHARE))
 
 
 def fallen_share(surface: SurfaceSettings, normal: Array, exposed: Numbers = 1.0) -> Array:

@@ -21,7 +21,7 @@ PRODUCT = 5.157
 PHASE_TERMS = ((11.1, 0.087), (1.1, 0.014))
 #: Least sum of the cosines of incidence and emission. Below it, at very grazing angles, the formula is invalid and
 #: grows without limit.
-LEAST_COSINE_SUM = 0.2
+MIN_COSINE_SUM = 0.2
 #: Largest incidence, in degrees, for which the law is within about 5 % of measurements, off the principal plane.
 LARGEST_INCIDENCE_DEG = 70.0
 #: Largest emission angle of this range.
@@ -47,7 +47,7 @@ def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, 
     cos_phase = np.clip(mu0 * mu + np.sin(i) * np.sin(e) * np.cos(psi), -1.0, 1.0)
     scattering_deg = 180.0 - np.degrees(np.arccos(cos_phase))
     lit = (mu0 > 0) & (mu >= 0)
-    both = np.maximum(mu0 + mu, LEAST_COSINE_SUM)
+    both = np.maximum(mu0 + mu, MIN_COSINE_SUM)
     phase = sum(amplitude * np.exp(-decay * scattering_deg) for amplitude, decay in PHASE_TERMS)
     white = (LEVEL + LINEAR * both + PRODUCT * mu0 * mu + phase) / (4 * both)
     absorbed = np.asarray(albedo, np.float64) ** (escape_function(mu0) * escape_function(mu) / white)

@@ -18,7 +18,7 @@ from ...settings.topics.ground import HillsSettings, TerrainLayer
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from .landforms.landform import Landform, evaluate_where, smooth_step
-from .noise_layers import MOST_OCTAVES, NoiseLayer, make_layer
+from .noise_layers import MAX_OCTAVES, NoiseLayer, make_layer
 from .roughness.roughness import LAW_TO
 
 #: Distance, in half diagonals of the patch, at which hills have their full height; they then rise no faster than
@@ -75,10 +75,10 @@ def _make_endless_hills(settings: HillsSettings, random: np.random.Generator) ->
             "raise the second."
         )
     octaves = 1 + round(math.log(largest / smallest, _LACUNARITY))
-    if octaves > MOST_OCTAVES:
+    if octaves > MAX_OCTAVES:
         raise IcyMoonError(
             f"From hills.smallest_m ({smallest:g} m) to hills.largest_m ({largest:g} m) it takes "
-            f"{octaves} octaves, more than {MOST_OCTAVES}; raise hills.smallest_m or lower "
+            f"{octaves} octaves, more than {MAX_OCTAVES}; raise hills.smallest_m or lower "
             "hills.largest_m."
         )
     roughness, deviation_m = _fit_law(settings.fractal, largest, octaves, float(settings.hurst), baseline)

@@ -23,7 +23,7 @@ from .roughness.structure_function import NOISE_DEVIATION
 _STATISTICS_POINTS = 8192
 #: Side of the square that contains them, in wavelengths.
 _SPAN_WAVELENGTHS = 64.0
-MOST_OCTAVES = 16
+MAX_OCTAVES = 16
 _OCTAVE_TURN_RAD = math.radians(37.0)
 
 
@@ -86,8 +86,8 @@ class NoiseLayer:
 
 def make_layer(settings: TerrainLayer, random: np.random.Generator) -> NoiseLayer | None:
     """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
-    keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES + 2))
-    offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES + 2, 2))
+    keys = tuple(int(k) for k in random.integers(0, 2**32, MAX_OCTAVES + 2))
+    offsets = random.uniform(0.0, 1024.0, (MAX_OCTAVES + 2, 2))
     if settings.amplitude_m == 0.0:
         return None
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}

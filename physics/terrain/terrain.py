@@ -42,7 +42,7 @@ _MEAN_GRID_SIDE = 65
 #: RMS slope in degrees above which extrapolated roughness gets a warning.
 _STEEPEST_PLAUSIBLE_DEG = 50.0
 #: Share of the RMS deviation that a mesh may lose without a warning.
-_MOST_LOST_SHARE = 0.1
+_MAX_LOST_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
             "holds; raise terrain.hurst or terrain.inner_scale_m."
         )
     lost = _share_lost_to_mesh(ground, shortest_m)
-    if slope and lost > _MOST_LOST_SHARE:
+    if slope and lost > _MAX_LOST_SHARE:
         notes.append(
             f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
             f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m."

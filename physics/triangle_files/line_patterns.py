@@ -17,7 +17,7 @@ from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes
 #: Bytes that are processed together, which fit the processor's cache.
 _BYTES_AT_ONCE = 2**16
 #: Maximum number of patterns that are kept.
-_MOST_PATTERNS = 10_000
+_MAX_PATTERNS = 10_000
 #: Longest pattern that is kept, in bytes.
 _LONGEST_PATTERN = 200
 _WINDOW_BYTES = LONGEST_LINE_BYTES // 2
@@ -108,5 +108,5 @@ class LinePatterns:
                 self._check(pattern.removesuffix(b"\r"))
             except ValueError:
                 raise UnusualTextError from None
-            if len(self._known) < _MOST_PATTERNS and len(pattern) <= _LONGEST_PATTERN:
+            if len(self._known) < _MAX_PATTERNS and len(pattern) <= _LONGEST_PATTERN:
                 self._known.add(pattern)

@@ -17,7 +17,7 @@ from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, red
 
 #: Bytes that may occur in a face after its first word.
 _FACE_BYTES = b"0123456789/- \t"
-_MOST_LIBRARIES = 100
+_MAX_LIBRARIES = 100
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
@@ -117,8 +117,8 @@ def _check_line(line: bytes, number: int) -> None:
 def _add_library(libraries: list[bytes], line: bytes) -> None:
     if line.startswith(b"mtllib"):
         libraries.append(line.removeprefix(b"mtllib").strip())
-        if len(libraries) > _MOST_LIBRARIES:
-            raise ValueError(f"it names more than {_MOST_LIBRARIES} material libraries")
+        if len(libraries) > _MAX_LIBRARIES:
+            raise ValueError(f"it names more than {_MAX_LIBRARIES} material libraries")
 
 
 def _parse_index(word: bytes, count: int, number: int) -> int:

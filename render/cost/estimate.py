@@ -38,7 +38,7 @@ from ..pairs.pair_folder import is_complete, read_pair
 from ..plans.baked_or_traced import estimate_bake_seconds, estimate_light_bytes, make_light_key
 from ..plans.planned_pair import PlannedPair
 from ..plans.render_order import (
-    DEFAULT_MOST_SCENES,
+    DEFAULT_MAX_SCENES,
     choose_worker_count,
     cut_into_jobs,
     make_settings_key,
@@ -134,13 +134,13 @@ _IMAGES_COST, _LAMBERT_IMAGES_COST, _OWN_IMAGE_SHARE = 2.9, 0.6, 0.3
 _WALK_COST, _BURLEY_COST, _HALF_COST_WEIGHT = 12.0, 0.5, 0.5
 #: Cycles takes at least 16 t^-0.3 samples under a noise threshold t. Beyond them a pixel takes (s / t)², where s is the
 #: noise of one sample: here the mean over the pixels of bare ice in sunlight.
-_LEAST_SAMPLES, _LEAST_SAMPLES_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
+_MIN_SAMPLES, _MIN_SAMPLES_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
 #: Most scenes whose triangles are counted; other scenes are taken to have the mean of these.
-_MOST_COUNTED_SCENES = 6
+_MAX_COUNTED_SCENES = 6
 #: Number of triangles assumed for a ground that was not counted. The time depends little on it.
 ASSUMED_TRIANGLES = 1e6
 #: Most complete pairs of the data set whose times are read.
-_MOST_TIMED_PAIRS = 400
+_MAX_TIMED_PAIRS = 400
 #: Standard deviations of the logarithm of seconds: of the whole plan on another machine and on this one, before a pair
 #: is known, and of one pair.
 _PLAN_SPREAD, _PLAN_SPREAD_HERE, _PAIR_SPREAD = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
@@ -314,7 +314,7 @@ def estimate_mean_samples(samples: int, threshold: float) -> float:
     """
     if threshold <= 0:
         return float(samples)
-    return min(float(samples), max(_LEAST_SAMPLES * threshold**_LEAST_SAMPLES_POWER, (_SAMPLE_NOISE / threshold) ** 2))
+    return min(float(samples), max(_MIN_SAMPLES * threshold**_MIN_SAMPLES_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
 def build_seconds(settings: Settings, triangles: float) -> float:
@@ -450,7 +450,7 @@ def _processor_seconds(
     """
     seconds = _PROCESS_START_S if pairs else 0.0
     baked = set(lit)
-    for job in cut_into_jobs(pairs, choose_worker_count(), DEFAULT_MOST_SCENES):
+    for job in cut_into_jobs(pairs, choose_worker_count(), DEFAULT_MAX_SCENES):
         seconds += _WORKER_START_S
         before = ""
         for pair in job:
@@ -483,8 +483,8 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
     """Triangles of each scene: counted for a few, evenly chosen; the others get the mean of these."""
     names = list(scenes)
     counted: dict[str, float] = {}
-    for k in range(min(_MOST_COUNTED_SCENES, len(names))):
-        name = names[k * len(names) // min(_MOST_COUNTED_SCENES, len(names))]
+    for k in range(min(_MAX_COUNTED_SCENES, len(names))):
+        name = names[k * len(names) // min(_MAX_COUNTED_SCENES, len(names))]
         try:
             counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
@@ -496,9 +496,9 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
 def _read_pairs(
     pairs: Sequence[PlannedPair], dataset: Path, there: set[str]
 ) -> list[tuple[PlannedPair, dict[str, Any]]]:
-    """The ``pair.json`` of complete pairs, of up to ``_MOST_TIMED_PAIRS`` of them."""
+    """The ``pair.json`` of complete pairs, of up to ``_MAX_TIMED_PAIRS`` of them."""
     found = []
-    for pair in [pair for pair in pairs if pair.id in there][:_MOST_TIMED_PAIRS]:
+    for pair in [pair for pair in pairs if pair.id in there][:_MAX_TIMED_PAIRS]:
         with suppress(IcyMoonError):  # verify reports the fault of such a pair
             found.append((pair, read_pair(pair.folder(dataset)).data))
     return found

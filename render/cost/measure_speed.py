@@ -32,9 +32,9 @@ _SMALL_RENDER: dict[str, dict[str, Any]] = {
     "dataset": {"headings": 3},
 }
 #: Least share of the processors that is assumed to be at work.
-_LEAST_BUSY_SHARE = 0.5
+_MIN_BUSY_SHARE = 0.5
 #: Least processor seconds of a pair whose time shows the speed: the work of the small render.
-_LEAST_PAIR_S = 4.0
+_MIN_PAIR_S = 4.0
 #: The entries of ``pair.json`` that are read.
 _PAIR_SHAPE = {
     "seconds": {"render": NUMBER, "write": NUMBER},
@@ -82,7 +82,7 @@ def _make_speed(factor: float, device: str, facts: Mapping[str, Any], busy: floa
         facts["versions"]["blender"],
         count_processors(),
         datetime.now(UTC).isoformat(timespec="minutes"),
-        max(_LEAST_BUSY_SHARE, busy),
+        max(_MIN_BUSY_SHARE, busy),
         **by,
     )
 
@@ -91,7 +91,7 @@ def read_speed_of_pair(folder: Path) -> Speed | None:
     """The speed that a pair shows which this machine has just rendered, with all processors and no other pair beside
     it.
 
-    None for a pair whose time shows little: it took less than ``_LEAST_PAIR_S``, it has fewer threads than there are
+    None for a pair whose time shows little: it took less than ``_MIN_PAIR_S``, it has fewer threads than there are
     processors, shared baked light or edits by hand, or it was rendered on a graphics card, whose first pair includes a
     compilation. Raises IcyMoonError if the pair cannot be read.
     """
@@ -101,7 +101,7 @@ def read_speed_of_pair(folder: Path) -> Speed | None:
     limited = 0 < quality.threads < count_processors()
     if quality.device != "CPU" or limited or pair.data.get("indirect") or pair.data.get("edited_by_hand"):
         return None
-    if worked < _LEAST_PAIR_S:
+    if worked < _MIN_PAIR_S:
         return None
     rig = pair.settings.rig
     return _make_speed(

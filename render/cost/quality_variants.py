@@ -53,7 +53,7 @@ GROUPS = {
 #: Groups that vary the shape of the ground. Their reference has a finer mesh.
 SHAPES = ("mesh", "relief")
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-_MOST_DENOISED_SAMPLES = 64
+_MAX_DENOISED_SAMPLES = 64
 _DIFFUSE_BOUNCES = (0, 1, 2, 3, 4, 8, 16)
 _NOISE_THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
 #: Maximum number of samples with a noise threshold, as a multiple of the scene's number of samples.
@@ -68,10 +68,10 @@ _LONGEST_WALK_PX = 100.0
 #: Bounces of the reference, the most samples of its two renders together, and a mesh error below the precision of
 #: matchers.
 _REFERENCE_BOUNCES = 32
-_MOST_REFERENCE_SAMPLES = 2 * 65536
+_MAX_REFERENCE_SAMPLES = 2 * 65536
 _REFERENCE_ERROR_PX = 0.25
 #: Vertices to which the mesh of the reference is allowed to grow, at least.
-_LEAST_REFERENCE_VERTICES = 6_000_000
+_MIN_REFERENCE_VERTICES = 6_000_000
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,10 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
     half the ``samples`` each, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two
     samples, and for more than two renders take.
     """
-    if not 2 <= samples <= _MOST_REFERENCE_SAMPLES:
+    if not 2 <= samples <= _MAX_REFERENCE_SAMPLES:
         raise IcyMoonError(
             f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
-            f"to {_MOST_REFERENCE_SAMPLES}."
+            f"to {_MAX_REFERENCE_SAMPLES}."
         )
     parts: list[dict[str, dict[str, Any]]] = [
         {
@@ -121,7 +121,7 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
             {
                 "mesh": {
                     "error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px),
-                    "most": max(_LEAST_REFERENCE_VERTICES, settings.mesh.most),
+                    "most": max(_MIN_REFERENCE_VERTICES, settings.mesh.most),
                 }
             }
         )
@@ -279,7 +279,7 @@ def _list_sample_counts(denoisers: Iterable[str], **quality: float) -> _Parts:
         }
         for denoiser in denoisers
         for n in SAMPLES
-        if denoiser == "NONE" or n <= _MOST_DENOISED_SAMPLES
+        if denoiser == "NONE" or n <= _MAX_DENOISED_SAMPLES
     }
 
 

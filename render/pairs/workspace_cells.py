@@ -16,7 +16,7 @@ WORKSPACE_FILE = "workspace.npy"
 #: Array of the materials on top, float32 (4, rows, columns): albedo in the bands R, G, B, and share of salt.
 MATERIALS_FILE = "workspace_materials.npy"
 #: Most cells along the longer side of a map.
-MOST_CELLS = 8192
+MAX_CELLS = 8192
 #: Number of places along a side of a cell at which the height is looked up.
 PLACES_PER_SIDE = 3
 
@@ -35,10 +35,10 @@ class Extent:
 def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
     """The whole cells that cover the square of a workspace. Raises IcyMoonError for too many."""
     count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
-    if PLACES_PER_SIDE * count > MOST_CELLS:
+    if PLACES_PER_SIDE * count > MAX_CELLS:
         raise IcyMoonError(
             f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
-            f"{PLACES_PER_SIDE * workspace.size_m / MOST_CELLS:.3g} m or more."
+            f"{PLACES_PER_SIDE * workspace.size_m / MAX_CELLS:.3g} m or more."
         )
     half = count * workspace.cell_m / 2
     return Extent(

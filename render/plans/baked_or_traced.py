@@ -54,7 +54,7 @@ _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
 #: Bytes in a file of baked light: of a vertex with light, and of a rock.
 _BYTES_PER_VERTEX, _BYTES_PER_ROCK = 11.0, 140.0
 #: Most points along a side of a uniform grid from which the visible share is estimated.
-_MOST_POINTS_PER_SIDE = 129
+_MAX_POINTS_PER_SIDE = 129
 
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
@@ -148,7 +148,7 @@ def _count_corners(settings: Settings) -> float:
     if _is_of_triangles(settings):
         with suppress(IcyMoonError):  # the build reports why a file cannot be read
             corners = _CORNERS_PER_TRIANGLE * count_triangles(settings)
-    points = min(terrain.resolution, _MOST_POINTS_PER_SIDE)
+    points = min(terrain.resolution, _MAX_POINTS_PER_SIDE)
     return corners * (_estimate_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
 
 

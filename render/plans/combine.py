@@ -37,7 +37,7 @@ from .setting_sweeps import Sweep, Variation, check_pair_count
 from .stand_in_replacements import list_files_by_name, replace_stand_ins
 
 #: Most grounds on which the cameras of a plan are checked before the render: each takes some hundredths of a second.
-MOST_CHECKED_GROUNDS = 32
+MAX_CHECKED_GROUNDS = 32
 #: Receives the number of checked pairs and of all pairs.
 Report = Callable[[int, int], None]
 #: Number of pairs between two reports.
@@ -161,7 +161,7 @@ class CombinedPairs:
 
 
 def combine(
-    design: PlanDesign, most_grounds: int = MOST_CHECKED_GROUNDS, report: Report = lambda done, total: None
+    design: PlanDesign, most_grounds: int = MAX_CHECKED_GROUNDS, report: Report = lambda done, total: None
 ) -> CombinedPairs:
     """The pairs of a design, checked on ``most_grounds`` of its grounds.
 

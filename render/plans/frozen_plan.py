@@ -36,7 +36,7 @@ _ANY_HEADER_SHAPE = {"format": TEXT, "version": COUNT}
 _HEADER_SHAPE = {**_ANY_HEADER_SHAPE, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
 _PAIR_LINE_SHAPE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
 #: Most settings that are named as differences between two plans.
-_MOST_NAMED_SETTINGS = 5
+_MAX_NAMED_SETTINGS = 5
 
 
 @dataclass(frozen=True)
@@ -143,8 +143,8 @@ def _list_values(values: Sequence[Any]) -> str:
 
 
 def _join_texts(texts: Sequence[str]) -> str:
-    more = len(texts) - _MOST_NAMED_SETTINGS
-    return ", ".join([*texts[:_MOST_NAMED_SETTINGS], *([format_count(more, "more setting")] if more > 0 else [])])
+    more = len(texts) - _MAX_NAMED_SETTINGS
+    return ", ".join([*texts[:_MAX_NAMED_SETTINGS], *([format_count(more, "more setting")] if more > 0 else [])])
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:

@@ -23,7 +23,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
 from . import pose_sweeps, setting_sweeps, trajectory_sweeps
-from .combine import MOST_CHECKED_GROUNDS, CombinedPairs, PlanDesign, Report, combine
+from .combine import MAX_CHECKED_GROUNDS, CombinedPairs, PlanDesign, Report, combine
 from .planned_pair import PlannedPair
 from .setting_sweeps import Sweep, Variation, check_keys, check_settings, load_included
 from .stand_in_replacements import describe_stand_ins
@@ -41,10 +41,10 @@ HEADER = (
     "files",
     "without",
 )
-_MOST_SEEDS = 100000
+_MAX_SEEDS = 100000
 #: Most designs of a plan with all plans that it extends, and most sweeps of one plan; each shipped plan has far fewer.
 #: Plans that extend two plans each, twenty files deep, would have a million parents.
-_MOST_DESIGNS, _MOST_SWEEPS = 100, 100
+_MAX_DESIGNS, _MAX_SWEEPS = 100, 100
 #: Fewest grounds on which each of several extended plans is checked.
 _FEWEST_CHECKED_GROUNDS = 3
 
@@ -85,7 +85,7 @@ class Plan:
             report(before + done, before + total)
 
         for design in self.designs:
-            made = combine(design, max(_FEWEST_CHECKED_GROUNDS, MOST_CHECKED_GROUNDS // len(self.designs)), report_all)
+            made = combine(design, max(_FEWEST_CHECKED_GROUNDS, MAX_CHECKED_GROUNDS // len(self.designs)), report_all)
             refused |= made.refused
             checked, unchecked, before = checked | made.checked, unchecked | made.unchecked, before + len(made.pairs)
             for pair in made.pairs:
@@ -200,9 +200,9 @@ def _parse_plan(path: Path, data: dict[str, Any], text: str, readers: tuple[Path
     tables = data.pop("sweep", [])
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are a list of tables; write [[sweep]] with two brackets.")
-    if len(tables) > _MOST_SWEEPS:
+    if len(tables) > _MAX_SWEEPS:
         raise IcyMoonError(
-            f"{whole.at('sweep', _MOST_SWEEPS)}: a plan may have {_MOST_SWEEPS} sweeps, and this is one more; list "
+            f"{whole.at('sweep', _MAX_SWEEPS)}: a plan may have {_MAX_SWEEPS} sweeps, and this is one more; list "
             "the values of several sweeps in one."
         )
     designs = _read_parents(header, place, (*readers, path.resolve()))
@@ -260,8 +260,8 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
             designs += _read_extended(path, readers).designs
         except IcyMoonError as error:
             raise IcyMoonError(f"{at}: {error}") from None
-        if len(designs) > _MOST_DESIGNS:
-            raise IcyMoonError(f"{at}: the plan then extends more than {_MOST_DESIGNS} plans; name fewer, each once.")
+        if len(designs) > _MAX_DESIGNS:
+            raise IcyMoonError(f"{at}: the plan then extends more than {_MAX_DESIGNS} plans; name fewer, each once.")
     designs = designs or [PlanDesign()]
     for name, at in _read_names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):
@@ -314,9 +314,9 @@ def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
         for seed in value:
             check({"dataset": {"seed": seed}}, str(place))
         return value, place
-    if isinstance(value, list) or not whole or not 1 <= whole[0] <= _MOST_SEEDS:
+    if isinstance(value, list) or not whole or not 1 <= whole[0] <= _MAX_SEEDS:
         raise IcyMoonError(
-            f"{place}: seeds is {quote(value)}, but must be a number from 1 to {_MOST_SEEDS} or a list of seeds."
+            f"{place}: seeds is {quote(value)}, but must be a number from 1 to {_MAX_SEEDS} or a list of seeds."
         )
     return whole[0], place
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...formats.toml_lines import Place
 from ...physics.light.directions import direction_toward
-from ...physics.scene_checks import LEAST_EYE_HEIGHT_M
+from ...physics.scene_checks import MIN_EYE_HEIGHT_M
 from ...physics.terrain.standing_places import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -117,7 +117,7 @@ def _look_at(
     at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
     if not math.isfinite(height):
         raise IcyMoonError(f"{sweep.place}: {at}, is beyond the ground; come nearer or raise terrain.size_m.")
-    if height < LEAST_EYE_HEIGHT_M:
+    if height < MIN_EYE_HEIGHT_M:
         raise IcyMoonError(
             f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
             "target_height_m, the distance or the elevation, or take other azimuths."

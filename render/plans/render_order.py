@@ -27,7 +27,7 @@ _PARTS_BY_COST: tuple[Callable[[Settings], Parts], ...] = (
 #: Jobs per worker into which a data set is cut, so that all workers end at about the same time.
 _JOBS_PER_WORKER = 4
 #: Default of the most scenes that one process renders.
-DEFAULT_MOST_SCENES = 50
+DEFAULT_MAX_SCENES = 50
 #: Default of the processors for each worker: sampling scales well to this number of threads.
 _PROCESSORS_PER_WORKER = 4
 

@@ -35,9 +35,9 @@ DRAWN_KINDS = {
 }
 _PRESET_KEY, _PRESETS_KEY = "preset", "presets"
 #: Most pairs of a plan; more pairs are a mistake, or several data sets.
-MOST_PAIRS = 100000
+MAX_PAIRS = 100000
 #: Largest number of pairs that a sentence states exactly, since the number may have a million digits.
-_MOST_STATED = 10**12
+_MAX_STATED = 10**12
 #: Settings that a sweep may not vary, with the reason and the fix.
 NOT_SWEPT = {
     "response": "is applied when images are evaluated and needs no new render; state it there with --set",
@@ -115,10 +115,10 @@ def read_count(sweep: Sweep) -> int:
 
 def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
-    if pairs > MOST_PAIRS:
-        count = f"{pairs} pairs, more than" if pairs < _MOST_STATED else "far more pairs than"
+    if pairs > MAX_PAIRS:
+        count = f"{pairs} pairs, more than" if pairs < _MAX_STATED else "far more pairs than"
         raise IcyMoonError(
-            f"{place}: the sweeps combine to {count} {MOST_PAIRS}; list fewer values, or "
+            f"{place}: the sweeps combine to {count} {MAX_PAIRS}; list fewer values, or "
             "draw fewer with a random, sobol or latin_hypercube sweep."
         )
 
@@ -321,9 +321,9 @@ def _check_range(setting: Setting, name: str, low: float, high: float, place: Pl
 def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
     count = read_count(sweep)
     factors = _read_factors(sweep, ("count",))
-    if sweep.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
+    if sweep.kind == "sobol" and len(factors) > sampling.MAX_DIMENSIONS:
         raise IcyMoonError(
-            f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
+            f"{sweep.place}: a sobol sweep varies up to {sampling.MAX_DIMENSIONS} settings, not "
             f"{len(factors)}; use latin_hypercube."
         )
     seed = int(base.dataset.seed)

@@ -14,7 +14,7 @@ import numpy as np
 from ...formats.trajectories import TRAJECTORY_KINDS, Trajectory, read_trajectory
 from ...physics.camera.pose_sequence import CAMERA_IN, WORLD_IN, PoseSequence
 from ...physics.light.directions import camera_angles, camera_axes
-from ...physics.scene_checks import LEAST_EYE_HEIGHT_M
+from ...physics.scene_checks import MIN_EYE_HEIGHT_M
 from ...physics.terrain.standing_places import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -23,12 +23,12 @@ from ...support.file_schemas import is_number
 from ...support.files import parse_path, quote
 from ...support.number_text import format_count
 from ...support.suggestions import suggest_nearest
-from .setting_sweeps import MOST_PAIRS, Sweep, Variation, check_keys, check_settings
+from .setting_sweeps import MAX_PAIRS, Sweep, Variation, check_keys, check_settings
 
 KIND = "trajectory"
 _TABLE_KEYS = ("file", "format", "times", "rate_hz", "every", "axes", "world", "heights", "origin_m", "gap_s")
 #: Largest number of frames in a second whose stamps of nine decimals differ.
-_MOST_HZ = 1e9
+_MAX_HZ = 1e9
 #: Angle above the horizon up to which a camera, or its point below, counts as level.
 _LEVEL_DEG = 1.0
 #: Value of ``world`` by which poses are relative to the first pose, which is put at the rig of the plan.
@@ -46,9 +46,9 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     its neighbours. Raises IcyMoonError that names the line of the plan at fault, and the line of the trajectory.
     """
     poses, above_ground = _read_poses(sweep, base, ground)
-    if len(poses) > MOST_PAIRS:
+    if len(poses) > MAX_PAIRS:
         raise IcyMoonError(
-            f"{sweep.place.at('file')}: {_find_file(sweep)} has {len(poses)} poses, more than {MOST_PAIRS}; "
+            f"{sweep.place.at('file')}: {_find_file(sweep)} has {len(poses)} poses, more than {MAX_PAIRS}; "
             "state every, such as every = 10."
         )
     procedural = base.source.kind == "PROCEDURAL"
@@ -158,9 +158,9 @@ def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
     every, rate = _read_positive(sweep, "every", 1.0), _read_positive(sweep, "rate_hz")
     if every is None or every < 1 or every != int(every):
         raise IcyMoonError(f"{sweep.place.at('every')}: every is {quote(every)}, it must be a whole number from 1 up.")
-    if rate is not None and rate > _MOST_HZ:
+    if rate is not None and rate > _MAX_HZ:
         raise IcyMoonError(
-            f"{sweep.place.at('rate_hz')}: rate_hz is {rate:g}, more than {_MOST_HZ:g}, since stamps have nine "
+            f"{sweep.place.at('rate_hz')}: rate_hz is {rate:g}, more than {_MAX_HZ:g}, since stamps have nine "
             "decimals; lower it."
         )
     try:
@@ -224,7 +224,7 @@ def _make_rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], Ro
 
 def _check_heights(poses: PoseSequence, height_m: Array, sweep: Sweep) -> None:
     """Raise IcyMoonError for a pose beyond the ground or below it."""
-    wrong = np.flatnonzero(~(height_m >= LEAST_EYE_HEIGHT_M))
+    wrong = np.flatnonzero(~(height_m >= MIN_EYE_HEIGHT_M))
     if not len(wrong):
         return
     k = int(wrong[0])

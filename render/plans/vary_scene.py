@@ -27,7 +27,7 @@ from ...support.version import version
 from . import setting_sweeps
 from .combine import list_seeds
 from .planned_pair import expand_headings
-from .setting_sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
+from .setting_sweeps import MAX_PAIRS, NOT_SWEPT, Sweep
 
 #: Ways to combine settings, and ways to space the values of a number.
 COMBINATIONS = ("GRID", "ONE_AT_A_TIME", "SOBOL")
@@ -163,8 +163,8 @@ def check_varied(varied: VariedSetting) -> Setting:
         check({topic: {key: end}}, WHERE)
     if varied.first == varied.last:
         raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; give two different ends.")
-    if not 2 <= varied.count <= MOST_PAIRS:
-        raise IcyMoonError(f"{WHERE}: {name} has {format_count(varied.count, 'value')}; give 2 to {MOST_PAIRS}.")
+    if not 2 <= varied.count <= MAX_PAIRS:
+        raise IcyMoonError(f"{WHERE}: {name} has {format_count(varied.count, 'value')}; give 2 to {MAX_PAIRS}.")
     if varied.spacing == "RATIO" and min(varied.first, varied.last) <= 0:
         raise IcyMoonError(
             f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends above 0."
@@ -325,9 +325,9 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
         * int(settings.dataset.headings)
         * math.prod(factor.size for factor in _make_factors(settings, variations))
     )
-    if pairs > MOST_PAIRS:
+    if pairs > MAX_PAIRS:
         raise IcyMoonError(
-            f"{WHERE}: this makes {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine them by "
+            f"{WHERE}: this makes {pairs} pairs, more than {MAX_PAIRS}; give fewer values, or combine them by "
             "Sobol draws."
         )
     return pairs
@@ -380,7 +380,7 @@ def make_end_settings(settings: Settings, variations: SceneVariations) -> tuple[
     return first, last
 
 
-def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> list[Parts]:
+def _make_parts(factor: _Factor, settings: Settings, most: int = MAX_PAIRS) -> list[Parts]:
     """The settings of each variation of a sweep; of draws the first ``most``."""
     table = dict(factor.table)
     if "count" in table:  # the first draws are the same for any number of draws

@@ -19,7 +19,7 @@ from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
 from ..plans.planned_pair import PlannedPair
 from ..plans.render_order import cut_into_jobs
-from .runner import MOST_CRASHES, Runner, WorkerOptions
+from .runner import MAX_CRASHES, Runner, WorkerOptions
 
 _POLL_S = 1.0
 
@@ -74,7 +74,7 @@ def render_on_cluster(
         jobs = [[pair.id for pair in shard] for shard in cut_into_jobs(missing, slots, workers.most_scenes)]
         own = WorkerOptions(1, workers.threads, workers.blender, workers.most_scenes)
         futures = [
-            client.submit(render_task, str(dataset), names, own, retries=MOST_CRASHES - 1, pure=False) for names in jobs
+            client.submit(render_task, str(dataset), names, own, retries=MAX_CRASHES - 1, pure=False) for names in jobs
         ]
         try:
             while True:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 #: Seconds between reports of ``report_while_compiling``, and seconds after which it stops: a driver took 443 s for the
 #: kernels of an H200.
-REPORT_INTERVAL_S, _MOST_COMPILING_S = 20.0, 1800.0
+REPORT_INTERVAL_S, _MAX_COMPILING_S = 20.0, 1800.0
 
 
 class FirstSample:
@@ -42,7 +42,7 @@ def report_while_compiling(first_sample: FirstSample, tell: Callable[[], None]) 
     meanwhile. After half an hour the reports stop, so that a hung worker can be noticed.
     """
 
-    arguments = tell, REPORT_INTERVAL_S, _MOST_COMPILING_S
+    arguments = tell, REPORT_INTERVAL_S, _MAX_COMPILING_S
     thread = threading.Thread(target=first_sample.call_until_it_comes, args=arguments, daemon=True)
     thread.start()
     try:

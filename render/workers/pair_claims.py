@@ -39,7 +39,7 @@ CLAIMS_FOLDER = "claims"
 TOUCH_INTERVAL_S, STALE_S = 10.0, 60.0
 #: Seconds for which a claim is touched without progress of its holder, see ``report_progress``; after that the holder
 #: counts as hung.
-MOST_SILENT_S = 3600.0
+MAX_SILENT_S = 3600.0
 #: Content of a claim: its holder; for a claim of baked light also the checksum of its file after the bake.
 _CLAIM_SHAPE = {
     "pid": PROCESS,
@@ -264,7 +264,7 @@ class Claims:
 
     def _touch_claims(self) -> None:
         while not self._stop.wait(TOUCH_INTERVAL_S):
-            for path in list(self._held.values()) if time.monotonic() - self._heard < MOST_SILENT_S else ():
+            for path in list(self._held.values()) if time.monotonic() - self._heard < MAX_SILENT_S else ():
                 with suppress(OSError):  # the claim was just released, or the network folder is away for a while
                     if self._is_mine(path):
                         os.utime(path)

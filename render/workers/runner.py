@@ -23,7 +23,7 @@ from ..pairs.baked_file import LIGHT
 from ..pairs.dataset_file_names import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.planned_pair import PlannedPair
-from ..plans.render_order import DEFAULT_MOST_SCENES, cut_into_jobs
+from ..plans.render_order import DEFAULT_MAX_SCENES, cut_into_jobs
 from .assign_cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
 from .job_commands import Job, blender_command
 from .pair_claims import CLAIMS_FOLDER, Claims
@@ -31,9 +31,9 @@ from .process import Message, Process
 
 Send = Callable[..., None]
 #: Number of crashes of its worker after which a pair is set aside.
-MOST_CRASHES = 3
+MAX_CRASHES = 3
 #: Seconds after which a worker that has reported its end is killed, since the Blender module may hang when it ends.
-_MOST_EXIT_S = 10.0
+_MAX_EXIT_S = 10.0
 #: Seconds without a message after which a worker may hang, so its other pairs are given to idle workers.
 _SUSPECT_AFTER_S = 300.0
 #: Seconds between steps of the runner, and between looks at pairs that other processes render.
@@ -62,7 +62,7 @@ class WorkerOptions:
     count: int
     threads: int
     blender: str
-    most_scenes: int = DEFAULT_MOST_SCENES
+    most_scenes: int = DEFAULT_MAX_SCENES
     silence_s: float = 3600.0
     cards: Cards = ALL_CARDS
 
@@ -184,8 +184,8 @@ class Runner:
 
     def _find_silence_limit_s(self, worker: _Worker, silent: float) -> float:
         """Seconds for which a worker may be silent: few if all its pairs are complete, perhaps by other processes."""
-        idle = worker.done or (silent > _MOST_EXIT_S and not self._get_pairs_left(worker))
-        return _MOST_EXIT_S if idle else self._options.silence_s
+        idle = worker.done or (silent > _MAX_EXIT_S and not self._get_pairs_left(worker))
+        return _MAX_EXIT_S if idle else self._options.silence_s
 
     def _get_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
         """The result of ``_find_pairs_left``, at most some seconds old."""
@@ -259,7 +259,7 @@ class Runner:
             raise IcyMoonError(worker.error)
         self._silent_ends = 0 if worker.spoke else self._silent_ends + 1
         why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.cause}"
-        if self._silent_ends >= MOST_CRASHES:
+        if self._silent_ends >= MAX_CRASHES:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(folder_of_pair(self._dataset, worker.current)):
             self._count_crash(worker.current, why)
@@ -284,8 +284,8 @@ class Runner:
 
     def _count_crash(self, name: str, why: str) -> None:
         self._crashes[name] += 1
-        if self._crashes[name] >= MOST_CRASHES:
-            self._set_aside(name, f"Pair {name} failed {MOST_CRASHES} times: {why.rstrip('.')}.")
+        if self._crashes[name] >= MAX_CRASHES:
+            self._set_aside(name, f"Pair {name} failed {MAX_CRASHES} times: {why.rstrip('.')}.")
 
     def _set_aside(self, name: str, why: str) -> None:
         if not is_complete(folder_of_pair(self._dataset, name)):

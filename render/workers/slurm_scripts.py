@@ -70,7 +70,7 @@ exit "$status"
 """
 
 #: Number of restarts of a shard after failures. A shard whose time is up always restarts.
-MOST_RESTARTS = 3
+MAX_RESTARTS = 3
 
 
 def format_array_ranges(numbers: Sequence[int]) -> str:
@@ -136,7 +136,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
             time=request.time,
             log=f"{_quote_folder(folder)}/%A_%a.log",
             options="".join(f"#SBATCH {option}\n" for option in request.options),
-            restarts=MOST_RESTARTS,
+            restarts=MAX_RESTARTS,
             command=f"{shlex.join(words)} {given}",
         ),
     )

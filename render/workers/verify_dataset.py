@@ -51,7 +51,7 @@ _EXTRA_TEXTS = ("", "Hapke of nodes")
 #: Shape of the entries by which a pair's files are checked: only names in its folder, no device and no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
 #: Most settings that are named as differences of a pair from the plan.
-_MOST_NAMED_SETTINGS = 5
+_MAX_NAMED_SETTINGS = 5
 
 
 @dataclass(frozen=True)
@@ -304,10 +304,10 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
     if others:
         texts = [
             f"{name} is {quote(there)} and was planned as {quote(asked)}"
-            for name, there, asked in others[:_MOST_NAMED_SETTINGS]
+            for name, there, asked in others[:_MAX_NAMED_SETTINGS]
         ]
-        more = [f"{format_count(len(others) - _MOST_NAMED_SETTINGS, 'more setting')}"] * (
-            len(others) > _MOST_NAMED_SETTINGS
+        more = [f"{format_count(len(others) - _MAX_NAMED_SETTINGS, 'more setting')}"] * (
+            len(others) > _MAX_NAMED_SETTINGS
         )
         yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
     own, blur = str(pair.data.get("own_files_sha256", "")), describe_blur_identity(wanted.settings)

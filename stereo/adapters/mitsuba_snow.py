@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 #: The constants of physics/surfaces/snow.py.
-_LEVEL, _LINEAR, _PRODUCT, _PHASE, _LEAST_COSINES = 1.247, 1.186, 5.157, ((11.1, 0.087), (1.1, 0.014)), 0.2
+_LEVEL, _LINEAR, _PRODUCT, _PHASE, _MIN_COSINES = 1.247, 1.186, 5.157, ((11.1, 0.087), (1.1, 0.014)), 0.2
 
 
 def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
@@ -27,7 +27,7 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     import drjit as dr
 
     mu0, mu = dr.maximum(wo.z, 0.0), dr.maximum(wi.z, 0.0)
-    both = dr.maximum(mu0 + mu, _LEAST_COSINES)
+    both = dr.maximum(mu0 + mu, _MIN_COSINES)
     scattering_deg = 180 - 2 * dr.rad2deg(dr.atan2(dr.norm(wi - wo), dr.norm(wi + wo)))
     white = _LEVEL + _LINEAR * both + _PRODUCT * mu0 * mu
     for amplitude, decay in _PHASE:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.trajectories import MOST_POSES
+from ...formats.trajectories import MAX_POSES
 from ...physics.camera.rotations import from_quaternion
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -92,8 +92,8 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
                 _add(found, *each)
                 if connection.topic != chosen:
                     fixed.add(each[0])
-                if len(found[each[0]].poses) > MOST_POSES:
-                    raise IcyMoonError(f"{bag}: {chosen} has more than {MOST_POSES} poses; cut it into several bags.")
+                if len(found[each[0]].poses) > MAX_POSES:
+                    raise IcyMoonError(f"{bag}: {chosen} has more than {MAX_POSES} poses; cut it into several bags.")
     if frame and list(found) == [""]:
         raise IcyMoonError(f"{bag}: {chosen} has poses without the name of a moving frame; leave out --frame.")
     name = _choose(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])

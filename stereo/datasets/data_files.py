@@ -21,7 +21,7 @@ from ..images.bounded_decoding import decode, decode_exr
 from ..images.exr_header import EXR_START, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
 from ..images.image_headers import (
-    MOST_IMAGE_BYTES,
+    MAX_IMAGE_BYTES,
     PNG_START,
     UPRIGHT,
     EncodedImage,
@@ -33,7 +33,7 @@ from ..images.image_values import to_8_bit
 from .map_channels import choose_array, choose_channel, find_sibling_colours, find_stated_channel, refuse_picture
 
 #: Most bytes of a text file.
-MOST_TEXT_BYTES = 2**20
+MAX_TEXT_BYTES = 2**20
 _NPY_START, _ZIP_START = b"\x93NUMPY", b"PK\x03\x04"
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _MAKE_AGAIN = "make it again"
@@ -79,7 +79,7 @@ def resolve_inside(root: Path, name: str | Path) -> Path:
 
 def read_text(path: Path) -> str:
     """The content of a text file. Raises IcyMoonError if it is missing, too large, or not text."""
-    return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT_BYTES)
+    return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MAX_TEXT_BYTES)
 
 
 def read_image(path: Path) -> Array:
@@ -87,7 +87,7 @@ def read_image(path: Path) -> Array:
 
     Raises IcyMoonError if it is missing, damaged, too large or of another kind.
     """
-    image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES)
+    image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MAX_IMAGE_BYTES)
     if image.ndim == 3:
         image = image[..., :3]  # drops the opacity
     image = to_8_bit(image)
@@ -101,7 +101,7 @@ def read_orientation(path: Path) -> int:
 
     Raises IcyMoonError as ``read_image`` does.
     """
-    return read(path, _parse_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES).orientation
+    return read(path, _parse_image, "a whole image", _MAKE_AGAIN, memory=MAX_IMAGE_BYTES).orientation
 
 
 def _parse_image(foreign: ForeignBytes) -> EncodedImage:
@@ -144,7 +144,7 @@ def read_map(file: MapFile) -> Array:
         values, usual = _read_sintel_disparity(file.path), 1.0
     else:
         values, usual = read(
-            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
+            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _MAKE_AGAIN, memory=MAX_IMAGE_BYTES
         )
     if values.ndim != 2:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")

@@ -19,11 +19,11 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import FILE_NAME
 from ...support.files import read_checksum
-from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
+from ...support.foreign_bytes import MAX_BYTES, note_on_backslashes
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_right
 from ..images.image_values import describe_size, to_grey
-from ..matchers.search_range import FIXED, MOST_SEARCHED_PX, STEP_PX, SearchRange
+from ..matchers.search_range import FIXED, MAX_SEARCHED_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
 from ..measure.fit_check import MatchedPlaces, compute_ray_lengths, find_common_places, is_confirmed
 from ..measure.metrics import is_usable
@@ -91,7 +91,7 @@ class ForeignPair:
         layout.
         """
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
-        return [*described, *(read_checksum(path, MOST_BYTES) for path in self.files)]
+        return [*described, *(read_checksum(path, MAX_BYTES) for path in self.files)]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute the inputs of matchers and metrics. No sensor model is applied.
@@ -127,7 +127,7 @@ class ForeignPair:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
         stated = self.disparities_reader() if self.disparities_reader else None
         count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
-        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_SEARCHED_PX) / STEP_PX) - 1
+        most = STEP_PX * math.ceil(min(count, camera.width_px, MAX_SEARCHED_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.make_depth_scale(truth)
         warnings = [*self._doubt_rows(), *warn_unlikely_camera(camera), *warn_dark_images(*grey), *warnings, *doubts]

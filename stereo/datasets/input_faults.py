@@ -34,7 +34,7 @@ _WRONG_FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.
 #: Usual baselines, m, and focal lengths, as shares of the width, of stereo heads and data sets: views of 1.9 to 147°.
 _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
 #: Ratio of the mean values of both eyes' images above which a warning is given; auto-exposures differ by less.
-_MOST_BRIGHTNESS_RATIO = 2.0
+_MAX_BRIGHTNESS_RATIO = 2.0
 
 
 class PairFiles(Protocol):
@@ -151,7 +151,7 @@ def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
 def warn_dark_images(left: Array, right: Array) -> list[str]:
     """A warning if one of two grey images (H, W) is too dark for matchers, which compare values."""
     means = float(np.mean(left)), float(np.mean(right))
-    if max(means) <= _MOST_BRIGHTNESS_RATIO * min(means):
+    if max(means) <= _MAX_BRIGHTNESS_RATIO * min(means):
         return []
     times = f"{max(means) / min(means):.1f} times" if min(means) > 0 else "infinitely"
     which = "left" if means[0] > means[1] else "right"

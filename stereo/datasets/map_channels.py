@@ -36,7 +36,7 @@ _PASSES_WITHOUT_MAP = (
     "mist",
 )
 #: Number of names that a sentence quotes.
-_MOST_QUOTED_NAMES = 6
+_MAX_QUOTED_NAMES = 6
 #: Components of a vector (two or more of them are no map), colours of a picture, and the picture's opacity.
 _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
@@ -119,10 +119,8 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
 
 def _list_names(names: Sequence[str]) -> str:
     """Join the first names, in full, in the form that a user has to type."""
-    shown = [shorten(name) for name in names[:_MOST_QUOTED_NAMES]]
-    return ", ".join(
-        [*shown, *([f"{len(names) - _MOST_QUOTED_NAMES} more"] if len(names) > _MOST_QUOTED_NAMES else [])]
-    )
+    shown = [shorten(name) for name in names[:_MAX_QUOTED_NAMES]]
+    return ", ".join([*shown, *([f"{len(names) - _MAX_QUOTED_NAMES} more"] if len(names) > _MAX_QUOTED_NAMES else [])])
 
 
 def _pluralise_kind(kind: str) -> str:

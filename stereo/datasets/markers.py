@@ -13,10 +13,10 @@ from ...support.arrays import Array
 from ..measure.fit_check import MatchedPlaces, are_mostly_at_disparity, read_as_disparity
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
-_LEAST_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
+_MIN_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
 #: Least distance of a plateau from all other values, in units of the smallest step between them. The levels of a coarse
 #: map are one step apart.
-_LEAST_PLATEAU_STEPS = 2
+_MIN_PLATEAU_STEPS = 2
 
 
 def find_markers(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> tuple[float, ...]:
@@ -41,10 +41,10 @@ def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Matche
     end = float((np.max if nearest else np.min)(disparity[known]))
     plateau = known & (disparity == end)
     others = np.unique(disparity[known & ~plateau])
-    if plateau.mean() < _LEAST_PLATEAU_SHARE or not others.size:
+    if plateau.mean() < _MIN_PLATEAU_SHARE or not others.size:
         return None
     beside = float(others[-1 if nearest else 0])
-    if others.size > 1 and abs(end - beside) <= _LEAST_PLATEAU_STEPS * float(np.diff(others).min()):
+    if others.size > 1 and abs(end - beside) <= _MIN_PLATEAU_STEPS * float(np.diff(others).min()):
         return None
     near, far = sorted((end + camera.doffs_px, beside + camera.doffs_px), reverse=True)
     if not (near >= _PLATEAU_DISTANCE_RATIO * far or (kind == "disparity" and end < 0 < beside)):

@@ -28,7 +28,7 @@ PREDICTION = "prediction"
 #: Endings of prediction files; the first that exists counts.
 PREDICTION_SUFFIXES = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
 #: Most files of a folder that are searched for a prediction under another name.
-_MOST_SEARCHED_FILES = 1000
+_MAX_SEARCHED_FILES = 1000
 #: Quantities that a file beside a disparity may state; its name ends in the quantity.
 _STATED = (CONFIDENCE, ERROR_PX)
 _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
@@ -89,7 +89,7 @@ def _find_misnamed_file(root: Path, pair: str) -> Path | None:
     try:
         found = [
             path
-            for path in islice(root.iterdir(), _MOST_SEARCHED_FILES)
+            for path in islice(root.iterdir(), _MAX_SEARCHED_FILES)
             if path.suffix in PREDICTION_SUFFIXES
             and named.search(path.stem)
             and not path.stem.endswith(tuple(f"_{kind}" for kind in _STATED))

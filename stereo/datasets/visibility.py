@@ -25,12 +25,12 @@ _SEEN = 255
 #: Values of a mask: hidden or unknown, known to the left eye only, seen by both.
 _MASK_VALUES = (0, 128, 255)
 #: Most pixels with other values, as a share: edges of a mask that was scaled down have them.
-_MOST_OTHER_VALUES = 0.1
+_MAX_OTHER_VALUES = 0.1
 #: Fewest hidden pixels for which a mask is checked against the truth.
 _FEWEST_HIDDEN_PX = 150
 #: Least overlap (intersection over union) of the hidden pixels by another reading of the mask and by the truth, and its
 #: least ratio to the overlap of the stated reading, for the other reading to count as right.
-_LEAST_OVERLAP, _LEAST_OVERLAP_RATIO = 0.5, 2.0
+_MIN_OVERLAP, _MIN_OVERLAP_RATIO = 0.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
 
 def _check_numbers(path: Path, mask: Array) -> None:
     levels = np.unique(mask)
-    if len(levels) > len(_MASK_VALUES) and np.mean(~np.isin(mask, _MASK_VALUES)) > _MOST_OTHER_VALUES:
+    if len(levels) > len(_MASK_VALUES) and np.mean(~np.isin(mask, _MASK_VALUES)) > _MAX_OTHER_VALUES:
         raise IcyMoonError(
             f"{path} has many numbers between 0 and {_SEEN} and is not a mask; write {_SEEN} where the "
             "right eye sees the point too and 0 elsewhere."
@@ -108,7 +108,7 @@ def find_better_reading(seen: Array, disparity: Array) -> str | None:
     }
     stated = compute_intersection_over_union(known & ~seen, hidden)
     best = max(shares, key=lambda words: shares[words])
-    return best if shares[best] >= max(_LEAST_OVERLAP, _LEAST_OVERLAP_RATIO * stated) else None
+    return best if shares[best] >= max(_MIN_OVERLAP, _MIN_OVERLAP_RATIO * stated) else None
 
 
 def _list_readings(seen: Array) -> Iterator[tuple[str, Array]]:

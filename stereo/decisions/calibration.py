@@ -36,9 +36,9 @@ from .workspace import FEATURES
 LEARN_THEN_TEST, CONFORMAL = "learn-then-test", "conformal"
 PROCEDURES = {LEARN_THEN_TEST: "Learn-then-Test", CONFORMAL: "conformal risk control"}
 #: The p-value up to which a ground counts as unlike the calibration grounds.
-MOST_UNLIKE_P = 0.05
+MAX_UNLIKE_P = 0.05
 #: Limits of alpha and delta. Smaller ones take more grounds than anyone renders.
-LEAST_RISK, MOST_RISK = 0.001, 0.5
+MIN_RISK, MAX_RISK = 0.001, 0.5
 #: The risks that a calibration limits.
 CHOICE, MAP = "choice", "map"
 _Rows = Sequence[Mapping[str, Any]]
@@ -62,8 +62,8 @@ class Goal:
             known = " or ".join(PROCEDURES)
             raise IcyMoonError(f"--procedure is {quote(self.procedure)}; give {known}.")
         for option, value in (("--alpha", self.alpha), ("--delta", self.delta)):
-            if not LEAST_RISK <= value <= MOST_RISK:
-                raise IcyMoonError(f"{option} is {value:g}; give a number from {LEAST_RISK:g} to {MOST_RISK:g}.")
+            if not MIN_RISK <= value <= MAX_RISK:
+                raise IcyMoonError(f"{option} is {value:g}; give a number from {MIN_RISK:g} to {MAX_RISK:g}.")
 
     @property
     def fewest_grounds(self) -> int:
@@ -73,7 +73,7 @@ class Goal:
             if self.procedure == LEARN_THEN_TEST
             else count_fewest_on_average(self.alpha)
         )
-        return max(fewest, count_fewest_on_average(MOST_UNLIKE_P))
+        return max(fewest, count_fewest_on_average(MAX_UNLIKE_P))
 
     def find_threshold(self, losses: Array, shares: bool = False) -> int | None:
         """Index of the most permissive threshold for losses (grounds, thresholds), 0 or 1 or ``shares``; None without

@@ -15,7 +15,7 @@ from ...support.files import is_file, make_json_digest, quote, write_json
 from ...support.foreign_bytes import ForeignBytes, parse_json, read
 from ...support.number_text import format_count
 from ...support.version import version
-from .calibration import CHOICE, LEAST_RISK, MAP, MOST_RISK, PROCEDURES, Goal, count_fewest_pairs, name_matcher
+from .calibration import CHOICE, MAP, MAX_RISK, MIN_RISK, PROCEDURES, Goal, count_fewest_pairs, name_matcher
 from .calibration_pairs import StatedPair
 from .height_errors import QUANTITIES
 from .rules import Rules
@@ -24,11 +24,11 @@ from .workspace import FEATURES
 
 FORMAT, VERSION = "icymoon-decision-calibration", 2
 #: Most bytes of a file: some ten thousand grounds.
-_MOST_BYTES = 2**24
+_MAX_BYTES = 2**24
 _CALIBRATE_AGAIN = "write it again with decide --calibrate"
 _RISK = Kind(
-    f"a number from {LEAST_RISK:g} to {MOST_RISK:g}",
-    lambda value: is_number(value) and LEAST_RISK <= value <= MOST_RISK,
+    f"a number from {MIN_RISK:g} to {MAX_RISK:g}",
+    lambda value: is_number(value) and MIN_RISK <= value <= MAX_RISK,
 )
 _PROCEDURE = Kind(" or ".join(PROCEDURES), lambda value: value in PROCEDURES)
 _THRESHOLD = Kind("a margin of the fixed list", lambda value: value in THRESHOLDS)
@@ -150,7 +150,7 @@ def write_calibration(
 
 def read_calibration(path: Path) -> Calibration:
     """Read a calibration. Raises IcyMoonError for a file that is missing, damaged, changed or of another version."""
-    data = read(path, _parse, "a calibration of decisions", _CALIBRATE_AGAIN, most=_MOST_BYTES)
+    data = read(path, _parse, "a calibration of decisions", _CALIBRATE_AGAIN, most=_MAX_BYTES)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not a calibration of decisions; give a file that decide --calibrate wrote.")
     if data.get("version") != VERSION:

@@ -16,14 +16,14 @@ from ...physics.camera.rolling_shutter import place_in_world
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
+from ...support.foreign_bytes import MAX_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
 #: Fewest points for a known height of a cell: the median of fewer is as bad as one outlier.
 FEWEST_POINTS_PER_CELL = 3
 #: Standard deviation of a normal distribution over its median absolute deviation.
 _DEVIATION_OF_MEDIAN = 1.4826
 #: Bytes of a file without its values, and most cells along a side.
-_HEADER_BYTES, _MOST_CELLS = 2**14, 4096
+_HEADER_BYTES, _MAX_CELLS = 2**14, 4096
 _FRAME_TEXT = "Icy Moon site frame: x east, y north, z up, metres"
 
 
@@ -94,7 +94,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
             raise RefusedError(f"is not a map of {cells} cells; {fix}.")
         return found.astype(np.float64)
 
-    return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER_BYTES, MOST_BYTES))
+    return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER_BYTES, MAX_BYTES))
 
 
 def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
@@ -170,9 +170,9 @@ def read_grid(stated: Mapping[str, Any]) -> Grid:
     Raises IcyMoonError unless it has 1 to 4096 cells along both sides, and a corner.
     """
     shape, origin = stated["shape"], stated["origin_m"]
-    if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MOST_CELLS for side in shape):
+    if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MAX_CELLS for side in shape):
         raise IcyMoonError(
-            f"pair.json states no workspace of at most {_MOST_CELLS} cells a side; render the pair again."
+            f"pair.json states no workspace of at most {_MAX_CELLS} cells a side; render the pair again."
         )
     (rows, columns), (west, north) = shape, origin
     return Grid(float(stated["cell_m"]), int(rows), int(columns), float(west), float(north))

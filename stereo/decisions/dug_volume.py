@@ -25,7 +25,7 @@ FEWEST_NULL_PAIRS = 5
 #: True changes of a cell below this count as none. It is far below the precision of matchers' heights.
 UNCHANGED_M = 1e-4
 #: Least share of a region's cells that must be known in both models.
-_LEAST_KNOWN_SHARE = 0.5
+_MIN_KNOWN_SHARE = 0.5
 #: Quantile of the lowered cells' depths that counts as the depth, so that one outlier cannot set it.
 _DEPTH_QUANTILE = 0.95
 
@@ -56,7 +56,7 @@ def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float
     """
     lowered = (before_m - after_m)[region]
     known = np.isfinite(lowered)
-    if not lowered.size or known.mean() < _LEAST_KNOWN_SHARE:
+    if not lowered.size or known.mean() < _MIN_KNOWN_SHARE:
         return None
     found = lowered[known]
     return Change(

@@ -16,7 +16,7 @@ from ...support.arrays import Array
 #: Fewest known cells of a footprint for a plane.
 _FEWEST_PLANE_CELLS = 4
 #: Least determinant of the cells' spread, over the square of its trace. Cells along a line determine no plane.
-_LEAST_SPREAD = 1e-6
+_MIN_SPREAD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float = 0.0, shape: A
     cuu, cuv, cvv = suu - su * su / count, suv - su * sv / count, svv - sv * sv / count
     cuz, cvz, czz = suz - su * sz / count, svz - sv * sz / count, szz - sz * sz / count
     determinant = cuu * cvv - cuv * cuv
-    fits = (np.rint(n) >= _FEWEST_PLANE_CELLS) & (determinant > _LEAST_SPREAD * (cuu + cvv) ** 2)
+    fits = (np.rint(n) >= _FEWEST_PLANE_CELLS) & (determinant > _MIN_SPREAD * (cuu + cvv) ** 2)
     safe = np.where(fits, determinant, 1.0)
     a, b = (cuz * cvv - cvz * cuv) / safe, (cvz * cuu - cuz * cuv) / safe
     residual = np.maximum(czz - a * cuz - b * cvz, 0.0)

@@ -13,7 +13,7 @@ from .calibration import (
     CHOICE,
     LEARN_THEN_TEST,
     MAP,
-    MOST_UNLIKE_P,
+    MAX_UNLIKE_P,
     PROCEDURES,
     average_features,
     has_margin,
@@ -80,7 +80,7 @@ def _compare_ground(entry: Mapping[str, Any], group: str, rows: Sequence[_Row]) 
 
 
 def _judge_row(entry: Mapping[str, Any], row: _Row, likeness: Mapping[str, Any]) -> str:
-    if likeness["p"] <= MOST_UNLIKE_P:
+    if likeness["p"] <= MAX_UNLIKE_P:
         return UNLIKE
     return GUARANTEED if has_margin(row["numbers"]["sites"], entry[CHOICE]["threshold"]) else ABSTAINS
 

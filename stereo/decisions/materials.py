@@ -30,9 +30,9 @@ from .footprints import Planes
 
 #: Least angle between the colours of ice and salt for a share of salt, rad. At this angle noise of 1 % changes the
 #: share by a half.
-_LEAST_COLOUR_ANGLE_RAD = 0.02
+_MIN_COLOUR_ANGLE_RAD = 0.02
 #: Least cosine of incidence for an albedo; below it an error of the slope would decide the albedo.
-_LEAST_INCIDENCE_COSINE = 0.1
+_MIN_INCIDENCE_COSINE = 0.1
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def measure(
     east, north, up = (float(each) for each in toward_sun)
     facing = up - planes.east_slope * east - planes.north_slope * north
     cosine = facing / np.hypot(1.0, np.hypot(planes.east_slope, planes.north_slope))
-    lit = np.where(cosine > _LEAST_INCIDENCE_COSINE, cosine, np.nan)
+    lit = np.where(cosine > _MIN_INCIDENCE_COSINE, cosine, np.nan)
     of_white = _compute_channel_signals((1.0, 1.0, 1.0), settings)[:, None, None]
     albedo = math.pi * np.mean(channels / of_white, axis=0) / (irradiance * lit)
     return Materials(albedo, _find_salt_share(np.array(channels), settings))
@@ -99,7 +99,7 @@ def _find_salt_share(channels: Array, settings: Settings) -> Array:
         _compute_channel_signals(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke)
     )
     angle = math.atan2(float(np.linalg.norm(np.cross(ice, salt))), float(ice @ salt)) if len(ice) == 3 else 0.0
-    if len(channels) != 3 or angle < _LEAST_COLOUR_ANGLE_RAD:
+    if len(channels) != 3 or angle < _MIN_COLOUR_ANGLE_RAD:
         return np.full(channels.shape[1:], np.nan)
     parts = np.tensordot(np.linalg.pinv(np.stack([ice, salt], axis=1)), channels, axes=1)
     of_ice, of_salt = np.maximum(parts, 0.0)

@@ -46,20 +46,20 @@ FIRST_BYTES = {
     "decisions.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n',
 }
 #: Most pairs whose maps the page contains.
-MOST_PAIRS = 12
+MAX_PAIRS = 12
 #: Share of the lost sites from which on a reason is stated.
-_LEAST_REASON = 0.01
+_MIN_REASON = 0.01
 _MM_PER_M = 1000.0
 #: Litres in a cubic metre.
 _LITRES_PER_M3 = 1000.0
 #: Share of the cells known to the true depth below which the cells are too small for the images.
-_LEAST_KNOWN_SHARE = 0.5
+_MIN_KNOWN_SHARE = 0.5
 #: The risk of an unsafe choice that a guarantee would exclude, and one minus its confidence.
 _GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
 #: Share of filled heights above which the cells are too small for the images.
-_MOST_FILLED_SHARE = 0.2
+_MAX_FILLED_SHARE = 0.2
 #: A pair cannot rank matchers if the true depth itself loses more than this share of the safe sites.
-MOST_LOST_BY_TRUTH = 0.5
+MAX_LOST_BY_TRUTH = 0.5
 #: Reasons for which a safe site is lost, by the names of ``safe_sites.RULE_NAMES``.
 _REASONS = {
     "known": "too few of its cells have a height",
@@ -70,7 +70,7 @@ _REASONS = {
     "light": "it looks dark",
 }
 #: Share of the ground in reach below which a part of it is too small to give results.
-_LEAST_GROUND_SHARE = 0.005
+_MIN_GROUND_SHARE = 0.005
 #: The numbers of a row by their path in it, which are the columns of the tables.
 DEM_COLUMNS = (
     Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
@@ -346,7 +346,7 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
     scenes = format_count(entry["scenes"], "scene")
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
-    if unsafe is None or entry["sites.taken"] < _LEAST_GROUND_SHARE:
+    if unsafe is None or entry["sites.taken"] < _MIN_GROUND_SHARE:
         much = "no" if unsafe is None else "hardly any"
         there = (
             ""
@@ -456,7 +456,7 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
             "them, whatever the matcher; aim the camera at the workspace to judge sites."
         )
     known = [share for share in shown if share is not None]
-    if known and np.mean(known) < _LEAST_KNOWN_SHARE:
+    if known and np.mean(known) < _MIN_KNOWN_SHARE:
         yield (
             f"Cells have too few pixels of these images: even the true depth knows only "
             f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
@@ -464,7 +464,7 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
         )
     filled = [row["numbers"]["dem"].get("filled") for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
     shares = [share for share in filled if share is not None]
-    if shares and np.mean(shares) > _MOST_FILLED_SHARE:
+    if shares and np.mean(shares) > _MAX_FILLED_SHARE:
         yield (
             f"Cells have too few pixels of these images: even with the true depth {100 * np.mean(shares):.0f} % of the "
             "heights in reach are filled from neighbours; raise workspace.cell_m, or --cell-m for pairs without true "
@@ -480,16 +480,16 @@ def _find_notes_on_truth(rows: _Entries, unit: str) -> Iterator[str]:
         shares = {
             name: sum(own[pair]["lost_by"].get(name, 0.0) for pair in lost) / sum(lost.values()) for name in _REASONS
         }
-        reasons = sorted((name for name in shares if shares[name] >= _LEAST_REASON), key=lambda name: -shares[name])
+        reasons = sorted((name for name in shares if shares[name] >= _MIN_REASON), key=lambda name: -shares[name])
         yield (
             f"The true depth loses {_format_percent(sum(lost.values()) / len(lost))} of 100 safe sites: "
             + ", ".join(f"in {100 * shares[name]:.0f} % of these {_REASONS[name]}" for name in reasons)
             + ". No matcher can be expected to lose fewer."
         )
-    poor = sorted(pair for pair, share in lost.items() if share > MOST_LOST_BY_TRUTH)
+    poor = sorted(pair for pair, share in lost.items() if share > MAX_LOST_BY_TRUTH)
     empty = sorted(pair for pair, sites in own.items() if sites["cells"][0] and not sites["cells"][1])
     for pairs, reason in (
-        (poor, f"even the true depth loses more than {100 * MOST_LOST_BY_TRUTH:.0f} % of their safe sites"),
+        (poor, f"even the true depth loses more than {100 * MAX_LOST_BY_TRUTH:.0f} % of their safe sites"),
         (empty, "they have no safe site to lose"),
     ):
         if pairs:
@@ -652,8 +652,8 @@ def _render_page(
         outcomes=pictures.OUTCOMES,
         codes=pictures.RULE_COLOURS,
         full_mm=pictures.SATURATED_ERROR_M * _MM_PER_M,
-        pairs=[_make_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]],
-        more=max(0, len(facts) - MOST_PAIRS),
+        pairs=[_make_pair_section(fact, rows, out) for fact in facts[:MAX_PAIRS]],
+        more=max(0, len(facts) - MAX_PAIRS),
     )
 
 

@@ -21,23 +21,23 @@ from ...physics.camera.rotations import from_vector, to_vector
 from ...support.arrays import Array
 
 #: Most steps; and the turn (rad) and shift (m) below which the steps end.
-_MOST_STEPS, _LEAST_MOTION = 40, 1e-6
+_MAX_STEPS, _MIN_MOTION = 40, 1e-6
 #: A point is an outlier if its distance from the surface exceeds the first number times the median distance, and the
 #: second number, m.
-_OUTLIER_FACTOR, _LEAST_OUTLIER_M = 2.5, 1e-3
+_OUTLIER_FACTOR, _MIN_OUTLIER_M = 2.5, 1e-3
 #: Prior standard deviations of a pose, rad and m: four degrees in a joint 2 m away.
 _PRIOR_TURN_RAD, _PRIOR_SHIFT_M = math.radians(4.0), 0.12
 #: Number of points with a common error, a window of 5 x 5 pixels; and the least noise of a point, m.
-_CORRELATED_POINTS, _LEAST_NOISE_M = 25, 2e-4
+_CORRELATED_POINTS, _MIN_NOISE_M = 25, 2e-4
 #: Fewest points for a pose: a scoop of 10 x 8 cm has some 190 pixels in the paper's camera, and half of them are seen.
 FEWEST_POINTS = 40
 #: Most points that are matched; more take time and change little.
-_MOST_POINTS = 500
+_MAX_POINTS = 500
 #: The other starts: turns (degrees, both ways about each axis), numbers of points and steps of the comparison, and the
 #: largest misfit of a better start as a share of the misfit from the commanded pose.
 _START_TURN_DEG, _START_POINTS, _START_STEPS, _BETTER_START_SHARE = 15.0, 150, 15, 0.5
 #: Largest distance that counts in a misfit, m, since points beside the link are far from all poses.
-_MOST_MISFIT_M = 0.02
+_MAX_MISFIT_M = 0.02
 
 
 def sample_surface(vertices: Array, triangles: Array, count: int, random: np.random.Generator) -> Array:
@@ -58,8 +58,8 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
     """
     if len(points) < FEWEST_POINTS:
         return None
-    if len(points) > _MOST_POINTS:
-        points = points[random.choice(len(points), _MOST_POINTS, replace=False)]
+    if len(points) > _MAX_POINTS:
+        points = points[random.choice(len(points), _MAX_POINTS, replace=False)]
     facing = _select_facing_points(_transform_cloud(model, commanded), eye)
     if len(facing) < FEWEST_POINTS:
         return None
@@ -67,7 +67,7 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
     # link.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
-    motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _MOST_STEPS)
+    motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _MAX_STEPS)
     found = commanded.copy()
     found[:3, :3] = motion[:3, :3] @ commanded[:3, :3]
     found[:3, 3] = motion[:3, :3] @ (commanded[:3, 3] - middle) + motion[:3, 3] + middle
@@ -94,17 +94,17 @@ def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tup
     for _ in range(steps):
         step, left = _step_motion(_transform_cloud(surface, motion), points, motion)
         motion = step @ motion
-        if np.abs(step - np.eye(4)).max() < _LEAST_MOTION:
+        if np.abs(step - np.eye(4)).max() < _MIN_MOTION:
             break
     return motion, left
 
 
 def _rms_distance_m(surface: Array, points: Array) -> float:
-    """RMS distance of points (m, 3) from a surface (n, 6), m, each limited to ``_MOST_MISFIT_M``."""
+    """RMS distance of points (m, 3) from a surface (n, 6), m, each limited to ``_MAX_MISFIT_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
     apart = squared.min(axis=1) + (points**2).sum(axis=1)
-    return float(np.sqrt(np.clip(apart, 0.0, _MOST_MISFIT_M**2).mean()))
+    return float(np.sqrt(np.clip(apart, 0.0, _MAX_MISFIT_M**2).mean()))
 
 
 def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
@@ -116,12 +116,12 @@ def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, f
     nearest = squared.argmin(axis=1)
     place, normal = place[nearest], normal[nearest]
     apart = np.linalg.norm(points - place, axis=1)
-    kept = apart <= max(_OUTLIER_FACTOR * float(np.median(apart)), _LEAST_OUTLIER_M)
+    kept = apart <= max(_OUTLIER_FACTOR * float(np.median(apart)), _MIN_OUTLIER_M)
     place, normal = place[kept], normal[kept]
     residual = ((points[kept] - place) * normal).sum(axis=1)
     left = float(np.sqrt((residual**2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
-    certainty = 1 / (_CORRELATED_POINTS * max(left, _LEAST_NOISE_M) ** 2)
+    certainty = 1 / (_CORRELATED_POINTS * max(left, _MIN_NOISE_M) ** 2)
     off = np.append(to_vector(motion[:3, :3]), motion[:3, 3])
     before = np.repeat([_PRIOR_TURN_RAD, _PRIOR_SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)

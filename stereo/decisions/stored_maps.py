@@ -43,7 +43,7 @@ _FACTS_SHAPE = {
     "images": Each(TEXT, TEXT),
 }
 #: Limits of files: bytes of ``decisions.json``, and cells along a side as ``icymoon decide`` writes at most.
-_MOST_BYTES, _MOST_CELLS = 2**27, 4096
+_MAX_BYTES, _MAX_CELLS = 2**27, 4096
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,8 @@ def _read_report(folder: Path) -> dict[str, Any]:
         facts = path.stat()
     except OSError:
         raise IcyMoonError(f"There are no decisions in {folder}; {_DECIDE_AGAIN}.") from None
-    if facts.st_size > _MOST_BYTES:
-        raise IcyMoonError(f"{path} is larger than {_MOST_BYTES >> 20} MiB; decide on fewer pairs.")
+    if facts.st_size > _MAX_BYTES:
+        raise IcyMoonError(f"{path} is larger than {_MAX_BYTES >> 20} MiB; decide on fewer pairs.")
     return _read_cached_report(path, facts.st_mtime_ns)
 
 
@@ -120,8 +120,8 @@ def _read_cached_report(path: Path, written_ns: int) -> dict[str, Any]:
 
 def _read_grid(facts: Mapping[str, Any], path: Path) -> Grid:
     rows, columns = facts["rows"], facts["columns"]
-    if not (0 < rows <= _MOST_CELLS and 0 < columns <= _MOST_CELLS and len(facts["origin_m"]) == 2):
-        raise IcyMoonError(f"{path} states no map of at most {_MOST_CELLS} cells a side; {_DECIDE_AGAIN}.")
+    if not (0 < rows <= _MAX_CELLS and 0 < columns <= _MAX_CELLS and len(facts["origin_m"]) == 2):
+        raise IcyMoonError(f"{path} states no map of at most {_MAX_CELLS} cells a side; {_DECIDE_AGAIN}.")
     return Grid(float(facts["cell_m"]), rows, columns, *map(float, facts["origin_m"]))
 
 

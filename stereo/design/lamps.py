@@ -24,7 +24,7 @@ from .made_workspaces import look_down, place_camera
 
 #: The table ``[lamp]`` of a design.
 LAMP_SHAPE = {"efficiency": NUMBER, "right_m": NUMBER, "up_m": NUMBER}
-_MOST_W, _FARTHEST_M = 1e5, 10.0
+_MAX_W, _FARTHEST_M = 1e5, 10.0
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,10 @@ def read_lamp(power_w: float | None, place: LampPlace | None, settings: Settings
     under level ground."""
     if power_w is None:
         return None
-    if not 0 < power_w <= _MOST_W:
+    if not 0 < power_w <= _MAX_W:
         raise IcyMoonError(
             f"{where} has lamp_w = {power_w:g}; give the electric power of its lamp in watts, above 0 and up to "
-            f"{_MOST_W:g}, or leave it out for no lamp."
+            f"{_MAX_W:g}, or leave it out for no lamp."
         )
     if place is None:
         raise IcyMoonError(

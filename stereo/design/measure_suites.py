@@ -36,7 +36,7 @@ from .made_workspaces import (
     prepare_pair_again,
     summarise_decisions,
 )
-from .read_design import MOST_SUNS, Design, Suite
+from .read_design import MAX_SUNS, Design, Suite
 
 Event = Callable[[dict[str, Any]], None]
 #: The splits of the grounds: terrains of the design, and landforms that are held out.
@@ -44,7 +44,7 @@ OWN, LANDFORM = "ground", "landform"
 #: Increased when the same input gives other numbers.
 DESIGN_VERSION = 1
 #: The place of the light among the random streams of a ground, and the lamp's place among its lights, after all Suns.
-_LIGHT, _NIGHT = 5, MOST_SUNS
+_LIGHT, _NIGHT = 5, MAX_SUNS
 #: The numbers of a row: of the choice 0 or 1 each, or null where there is none; the numbers of all cells, of the safe,
 #: the taken, and the safe and taken ones; and what cost depends on. ``lamp_s`` is of suites with a lamp alone.
 _NUMBERS_SHAPE: dict[str, Shape] = {

@@ -51,9 +51,9 @@ _OWN_KEYS = ("name", "method", "suns", "lamp_w")
 #: Images are rendered in squares of this side, px.
 _SQUARE_PX = 8
 #: Least share of the workspace that both cameras must see on level ground, and the cells of a side that are looked up.
-_LEAST_SEEN, _LOOKED_UP = 0.5, 24
+_MIN_SEEN, _LOOKED_UP = 0.5, 24
 #: Most images of a decision.
-MOST_SUNS = 100
+MAX_SUNS = 100
 
 
 @dataclass(frozen=True)
@@ -230,8 +230,8 @@ def _read_suite(table: Mapping[str, Any], base: Settings, lamp: LampPlace | None
     own = check(changes, where)
     _refuse_idle_settings(own, f"suite {name}", path)
     suns = table.get("suns", 1)
-    if not 1 <= suns <= MOST_SUNS:
-        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {MOST_SUNS}, the number of its pairs in sunlight.")
+    if not 1 <= suns <= MAX_SUNS:
+        raise IcyMoonError(f"{where} has suns = {suns}; give 1 to {MAX_SUNS}, the number of its pairs in sunlight.")
     settings = merged(defaults(), base, own)
     _check_camera(settings, where)
     method = _read_method(table["method"], where)
@@ -264,10 +264,10 @@ def _check_camera(settings: Settings, where: str) -> None:
             "rig.width_px and rig.height_px."
         )
     seen = measure_seen_share(settings)
-    if seen < _LEAST_SEEN:
+    if seen < _MIN_SEEN:
         raise IcyMoonError(
             f"{where}: both cameras see {100 * seen:.0f} % of the workspace on level ground, and "
-            f"{100 * _LEAST_SEEN:.0f} % are needed; aim them by rig.pitch_deg and rig.heading_deg, shorten "
+            f"{100 * _MIN_SEEN:.0f} % are needed; aim them by rig.pitch_deg and rig.heading_deg, shorten "
             "rig.focal_length_mm or rig.baseline_m, or move the workspace."
         )
 

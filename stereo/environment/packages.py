@@ -14,7 +14,7 @@ from typing import Any
 from ...support import bundled_wheels
 from ...support.errors import IcyMoonError
 
-LEAST_PYTHON = (3, 11)
+MIN_PYTHON = (3, 11)
 
 # On its first run Matplotlib prints on standard error that it builds the font cache.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
@@ -35,8 +35,8 @@ def check_packages() -> dict[str, Any]:
     fix.
     """
     missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
-    if sys.version_info < LEAST_PYTHON:
-        missing.insert(0, f"Python {'.'.join(map(str, LEAST_PYTHON))} or newer")
+    if sys.version_info < MIN_PYTHON:
+        missing.insert(0, f"Python {'.'.join(map(str, MIN_PYTHON))} or newer")
     message = (
         f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_make_install_advice()}" if missing else ""
     )

@@ -14,7 +14,7 @@ from .losses import Loss
 #: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
 KITTI_STEPS_PER_PX = 256.0
 MM_PER_M = 1000.0
-_MOST_STEPS = 65535
+_MAX_STEPS = 65535
 #: Steps per px of KITTI's flow, and the value that Middlebury's readers take as unknown, above 1e9.
 _FLOW_STEPS_PER_PX, _NO_FLOW = 64.0, 1e10
 
@@ -35,11 +35,11 @@ def quantise_to_16_bits(values: Array, scale: float, what: str, unit: str) -> tu
     65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.rint(values * scale)
-        fits = (steps >= 1) & (steps <= _MOST_STEPS)  # False for NaN
+        fits = (steps >= 1) & (steps <= _MAX_STEPS)  # False for NaN
     known = np.isfinite(values)
     lost = int((known & ~fits).sum())
     why = (
-        f"outside of {1 / scale:.3g} to {_MOST_STEPS / scale:.6g} {unit}, all that 16 bits hold at {scale:g} steps "
+        f"outside of {1 / scale:.3g} to {_MAX_STEPS / scale:.6g} {unit}, all that 16 bits hold at {scale:g} steps "
         f"per {unit}"
     )
     return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
@@ -56,7 +56,7 @@ def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
     steps per px from -512 px on; and the loss, flow beyond 512 px."""
     with np.errstate(invalid="ignore"):
         steps = np.rint(flow_px * _FLOW_STEPS_PER_PX) + 32768
-        fits = ((steps >= 0) & (steps <= _MOST_STEPS)).all(axis=-1)  # False for NaN
+        fits = ((steps >= 0) & (steps <= _MAX_STEPS)).all(axis=-1)  # False for NaN
     known = np.isfinite(flow_px).all(axis=-1)
     lost = int((known & ~fits).sum())
     whole = np.concatenate([np.ones((*fits.shape, 1)), steps[..., ::-1]], axis=-1)

@@ -10,7 +10,7 @@ from ...support.number_text import format_count
 from ..measure.prepare_pair import LoadedPair
 
 #: Largest share of a pair's true disparities that may be lost. A pair that would lose more is not written.
-MOST_LOST_SHARE = 0.5
+MAX_LOST_SHARE = 0.5
 #: Formats that can store all numbers of a map.
 _LOSSLESS_FORMATS = {"disparity": "pfm and middlebury", "depth": "pfm and raw", "flow": "the .flo files"}
 
@@ -34,7 +34,7 @@ Each = Callable[[Write], None]
 def refuse_losses(pair: LoadedPair, losses: Sequence[Loss]) -> None:
     """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
     for loss in losses:
-        if loss.what == "disparity" and loss.share > MOST_LOST_SHARE:
+        if loss.what == "disparity" and loss.share > MAX_LOST_SHARE:
             raise IcyMoonError(
                 f"{pair.pair.folder}: {100 * loss.share:.0f} % of its true disparities are {loss.why}; "
                 f"export it as {_LOSSLESS_FORMATS[loss.what].replace(' and ', ' or ')}."

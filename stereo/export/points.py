@@ -16,7 +16,7 @@ from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 
 #: Most points of one pair. In a larger image every second, third, … row and column is used.
-MOST_POINTS = 60_000
+MAX_POINTS = 60_000
 _POINT_LAYOUT = np.dtype(
     [
         ("x", "<f4"),
@@ -97,7 +97,7 @@ def count_missing_points(prepared: PreparedPair, disparity: Array) -> int:
 
 def _choose_pixel_step(disparity: Array) -> int:
     """Step in rows and columns between the pixels that become points."""
-    return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
+    return max(1, int(np.ceil(np.sqrt(disparity.size / MAX_POINTS))))
 
 
 def find_left_pose(prepared: PreparedPair) -> Array | None:

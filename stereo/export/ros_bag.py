@@ -30,7 +30,7 @@ Kinds = Mapping[str, Callable[..., object]]
 
 TITLES = {"ros2": "ROS 2 Bag: images, camera infos, true disparity, true points and poses"}
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
-_NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31
+_NS_PER_S, _MAX_SECONDS = 1_000_000_000, 2**31
 
 
 def write_all(each: Each, out: Path) -> None:
@@ -57,9 +57,9 @@ def _find_time_ns(pair: LoadedPair, count: int) -> int:
     """Nanoseconds of the pair that follows ``count`` other pairs. Raises IcyMoonError for a time outside ROS' range."""
     stamp = pair.settings.rig.stamp
     time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
-    if not 0 <= time < _MOST_SECONDS * _NS_PER_S:
+    if not 0 <= time < _MAX_SECONDS * _NS_PER_S:
         raise IcyMoonError(
-            f"{pair.pair.folder} has the stamp {stamp} s, and times of ROS are 0 to {_MOST_SECONDS} s; export tum "
+            f"{pair.pair.folder} has the stamp {stamp} s, and times of ROS are 0 to {_MAX_SECONDS} s; export tum "
             "instead."
         )
     return time

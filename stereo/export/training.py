@@ -39,7 +39,7 @@ TITLES = {
     "sceneflow": "SceneFlow: the layout of FlyingThings3D, for training",
 }
 #: Bytes of a shard, which ends with the pair that exceeds them.
-LEAST_SHARD_BYTES = 1_000_000_000
+MIN_SHARD_BYTES = 1_000_000_000
 #: Unknown disparity in SceneFlow's layout, px: loaders reject 512 px and more. NaN and infinity would spread when they
 #: scale the map.
 UNKNOWN_DISPARITY_PX = 1e5
@@ -236,7 +236,7 @@ class _Shards:
                 member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time: the same pairs give the same bytes
                 member.size = len(content)
                 archive.addfile(member, io.BytesIO(content))
-        if part.stat().st_size > LEAST_SHARD_BYTES:
+        if part.stat().st_size > MIN_SHARD_BYTES:
             self._finish_shard(split)
         return name
 

@@ -31,7 +31,7 @@ from .range_points import RangePoints
 _WRONG_PX = 1.0
 #: Share of wrong disparities where stereo rejects nothing, its increase per rejected share, and the side of the square
 #: in which rejected pixels are counted, px.
-_LEAST_WRONG, _WRONG_PER_REJECTED, _SQUARE_PX = 0.03, 0.5, 15
+_MIN_WRONG, _WRONG_PER_REJECTED, _SQUARE_PX = 0.03, 0.5, 15
 #: Weights of the image's means beside the points nearby: wrong disparities, and points for errors of the interpolation.
 _WEIGHT_WRONG, _WEIGHT_POINTS = 1.0, 4.0
 #: Usual error of stereo where it is not wrong, px, and the weight of this in points.
@@ -39,7 +39,7 @@ _USUAL_STEREO_PX, _WEIGHT_STEREO = 0.3, 4.0
 #: Size of wrong disparities' errors as a share of the range of disparities, and the weight of this in wrong points.
 _WRONG_SIZE, _WEIGHT_WRONG_SIZE = 0.25, 2.0
 #: The scale of Student's law over the geometric mean of errors, and the smallest error that counts in this mean, px.
-_SCALE_PER_MEAN, _LEAST_ERROR_PX = 1.2, 0.1
+_SCALE_PER_MEAN, _MIN_ERROR_PX = 1.2, 0.1
 #: Beyond this multiple of the local distance between points, the scale of errors grows with the distance from the
 #: nearest point, and a preference found at the points does not apply.
 _FAR = 2.0
@@ -107,7 +107,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
     if not there.any():
         return expected
     kept = cv2.blur(there.astype(np.float64), (_SQUARE_PX, _SQUARE_PX), borderType=cv2.BORDER_REFLECT)
-    prior = _LEAST_WRONG + _WRONG_PER_REJECTED * (1 - kept)
+    prior = _MIN_WRONG + _WRONG_PER_REJECTED * (1 - kept)
     evidence = _gather(stereo, prior, interpolation, points)
     span = max(16.0, float(np.ptp(stereo[there])))
     level, scale = _spread(evidence, interpolation, span, True)
@@ -154,7 +154,7 @@ def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, o
     times = (near[0] + _WEIGHT_WRONG * level) / (near[1] + _WEIGHT_WRONG)
     # The noise of a point is not an error of the interpolation without it.
     square = evidence.left_out**2 - evidence.noise_px**2
-    size = np.log(np.sqrt(square.clip(_LEAST_ERROR_PX**2, span_px**2)))
+    size = np.log(np.sqrt(square.clip(_MIN_ERROR_PX**2, span_px**2)))
     total, count = interpolation.add_neighbours(size, own), interpolation.add_neighbours(np.ones_like(size), own)
     mean = (total + _WEIGHT_POINTS * size.mean()) / (count + _WEIGHT_POINTS)
     return times, _SCALE_PER_MEAN * np.exp(mean)

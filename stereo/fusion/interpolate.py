@@ -26,7 +26,7 @@ _FLAT_PX = 1e-2
 #: Shares of a triangle below which a place counts as outside of it.
 _INSIDE = -1e-9
 #: Most neighbours that a point is tried against; any further ones, on rings of many points, are the farthest.
-_MOST_NEIGHBOURS = 14
+_MAX_NEIGHBOURS = 14
 
 
 def interpolate(column: Array, row: Array, disparity: Array) -> Interpolation:
@@ -158,7 +158,7 @@ class Interpolation:
         """Points (g,) that have the same number of neighbours, and these (g, k)."""
         listed = [
             near[np.argsort(np.hypot(self.column[near] - self.column[k], self.row[near] - self.row[k]), kind="stable")][
-                :_MOST_NEIGHBOURS
+                :_MAX_NEIGHBOURS
             ]
             for k, near in enumerate(self._neighbours)
         ]

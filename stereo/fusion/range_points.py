@@ -23,7 +23,7 @@ _OTHER_GROUND = 0.05
 #: Points nearer to each other than this, px, are one: the nearest to the camera stays.
 _SAME_PX = 1e-3
 #: Most points of a scan that are read.
-_MOST_POINTS = 20_000_000
+_MAX_POINTS = 20_000_000
 
 
 class SeenPair(Protocol):
@@ -118,9 +118,9 @@ def _read_places(folder: Path) -> tuple[Array, Array]:
     position = np.array(facts["position_m"])
     measured, shares, count = [], [], 0
     for part in read_points(folder, facts):
-        if part.point_m.ndim != 2 or (count := count + len(part)) > _MOST_POINTS:
+        if part.point_m.ndim != 2 or (count := count + len(part)) > _MAX_POINTS:
             raise IcyMoonError(
-                f"{folder / 'lidar.npz'} has more than {_MOST_POINTS} points, or points without three coordinates; "
+                f"{folder / 'lidar.npz'} has more than {_MAX_POINTS} points, or points without three coordinates; "
                 "scan again with fewer beams."
             )
         measured.append(part.point_m)

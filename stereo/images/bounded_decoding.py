@@ -34,7 +34,7 @@ from .exr_header import Channel
 from .image_headers import EncodedImage
 
 #: Seconds for an image: the largest takes 4 s, and a machine may be busy with much else.
-_MOST_DECODING_S = 60.0
+_MAX_DECODING_S = 60.0
 #: Processor time of a decoder: the time to load the libraries, and ten times the time of the slowest format, 100 MB/s.
 _CPU_S, _CPU_S_PER_BYTE = 2.0, 1e-7
 #: Memory of a decoder: copies of the pixels (progressive JPEG has coefficients of two bytes), and bytes for the file.
@@ -104,7 +104,7 @@ class _Decoder:
         answer: queue.SimpleQueue[Array | str | None] = queue.SimpleQueue()
         # A thread, since Windows cannot wait for a pipe with a limit.
         threading.Thread(target=self._exchange, args=(request, content, most_bytes, answer), daemon=True).start()
-        end = time.monotonic() + _MOST_DECODING_S
+        end = time.monotonic() + _MAX_DECODING_S
         while time.monotonic() < end:
             with suppress(queue.Empty):  # in short steps, since Windows cannot interrupt a long wait
                 found = answer.get(timeout=_POLL_S)
@@ -194,7 +194,7 @@ def _ask_decoder(request: dict[str, Any], content: bytes, most_bytes: int) -> Ar
         except TimeoutError:
             _running.pop().end()
             raise RefusedError(
-                f"takes more than {_MOST_DECODING_S:g} s to decode; save it again, as PNG or PFM."
+                f"takes more than {_MAX_DECODING_S:g} s to decode; save it again, as PNG or PFM."
             ) from None
         except _DecoderDiedError:
             status = _running.pop().end()

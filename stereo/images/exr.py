@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
+from ...formats.exr_layout import KIND, MAX_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -199,7 +199,7 @@ def _read_channels(
 
 
 def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
-    return read_foreign(path, parse, KIND, _RENDER_AGAIN, most=MOST_BYTES)
+    return read_foreign(path, parse, KIND, _RENDER_AGAIN, most=MAX_BYTES)
 
 
 def _read_parts(

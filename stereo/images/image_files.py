@@ -15,14 +15,14 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import write_bytes
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
-from .image_headers import MOST_IMAGE_BYTES, EncodedImage, check_size, parse_image, parse_png
+from .image_headers import MAX_IMAGE_BYTES, EncodedImage, check_size, parse_image, parse_png
 
 #: Compression level of an npz: half the time of NumPy's own level, 6, for a fifth more bytes.
 _NPZ_LEVEL = 4
 #: Most pixels of a picture that this program wrote: the largest rig, with a colour bar below.
-_MOST_OWN_PIXELS = 2**29
+_MAX_OWN_PIXELS = 2**29
 #: Bytes within which the header of a PFM ends, comments included, and bytes of one of its numbers.
-_MOST_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
+_MAX_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
 _WHITESPACE = b" \t\r\n\v\f"
 _MAKE_AGAIN = "make it again"
 Decode = Callable[[EncodedImage], Array]
@@ -59,13 +59,13 @@ def read_png(path: Path, decode: Decode | None = None) -> Array:
     ``decode`` must be ``bounded_decoding.decode`` for foreign files. Raises IcyMoonError if the file is missing, not a
     PNG, damaged, or too large; OpenCV would fill a truncated image with black.
     """
-    most = None if decode else _MOST_OWN_PIXELS
+    most = None if decode else _MAX_OWN_PIXELS
     return read(
         path,
         lambda foreign: (decode or decode_in_this_process)(parse_png(foreign, most)),
         "a whole PNG image",
         _MAKE_AGAIN,
-        memory=MOST_IMAGE_BYTES if decode else 8 * _MOST_OWN_PIXELS,
+        memory=MAX_IMAGE_BYTES if decode else 8 * _MAX_OWN_PIXELS,
     )
 
 
@@ -77,7 +77,7 @@ def read_picture(path: Path) -> Array:
         lambda foreign: decode_in_this_process(parse_image(foreign)),
         "a whole image",
         _MAKE_AGAIN,
-        memory=MOST_IMAGE_BYTES,
+        memory=MAX_IMAGE_BYTES,
     )
 
 
@@ -88,7 +88,7 @@ def read_pfm(path: Path, colours: bool = False) -> Array:
     kind, damaged or too large.
     """
     return read(
-        path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
+        path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _MAKE_AGAIN, memory=MAX_IMAGE_BYTES
     )
 
 
@@ -97,7 +97,7 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
 
     Raises RefusedError for another kind of file and for an ambiguous one, ValueError if it is damaged.
     """
-    head = foreign.part(0, min(foreign.size, _MOST_PFM_HEADER))
+    head = foreign.part(0, min(foreign.size, _MAX_PFM_HEADER))
     kind = head[:2]
     if kind not in ((b"Pf", b"PF") if colours else (b"Pf",)):
         raise RefusedError("is not a grey PFM image; its first line must be Pf.")

@@ -21,27 +21,27 @@ from ...support.foreign_bytes import Budget, Cursor, ForeignBytes, OverBudgetErr
 UPRIGHT = 1
 #: The first bytes of EXIF data in JPEG, and in some WebP files; a TIFF file follows.
 _MARK = b"Exif\0\0"
-_ORIENTATION, _MOST_BYTES, _MOST_ORIENTATION = 274, 2**16, 8
+_ORIENTATION, _MAX_BYTES, _MAX_ORIENTATION = 274, 2**16, 8
 
 #: Most pixels of a foreign image, eight times the largest images of Middlebury, and most bytes of them: 32 bits each,
 #: and the header of an array.
-MOST_PIXELS = 2**26
-MOST_IMAGE_BYTES = 4 * MOST_PIXELS + 2**12
+MAX_PIXELS = 2**26
+MAX_IMAGE_BYTES = 4 * MAX_PIXELS + 2**12
 #: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least size of a file.
-_MOST_PACKED_BYTES = 2**28
+_MAX_PACKED_BYTES = 2**28
 #: Most bytes of a file beside its pixels: profiles, notes, a film after a photograph.
-_MOST_EXTRA_BYTES = 2**26
+_MAX_EXTRA_BYTES = 2**26
 PNG_START, JPEG_START = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 #: Parts of a PNG that affect its pixels. Other parts, such as profiles and texts, may unpack to much more.
 _PNG_PIXEL_PARTS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 #: Most parts of a PNG; libpng writes parts of 8 KiB.
-_MOST_PNG_PARTS = 200_000
+_MAX_PNG_PARTS = 200_000
 _PNG_GREY_TYPE = 0  # the only colour type for which OpenCV gives one band
 _WEBP_PIXEL_PARTS = (b"VP8X", b"ALPH", b"VP8 ", b"VP8L")
 _WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
 #: Most segments, scans and fill bytes of a JPEG, since each takes time. A JPEG has about ten segments, and a
 #: progressive one ten scans.
-_MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
+_MAX_SEGMENTS, _MAX_SCANS, _MAX_FILL = 10_000, 100, 64
 #: Bytes of a scan that are searched at once.
 _SEARCHED_BYTES = 2**16
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xD8, 0xD9, 0xDA, 0xE1
@@ -70,7 +70,7 @@ def is_webp(start: bytes) -> bool:
 
 def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
     """Return the number of pixels of a size from a header. Raises RefusedError if it is 0 or too large."""
-    most = MOST_PIXELS if most_pixels is None else most_pixels
+    most = MAX_PIXELS if most_pixels is None else most_pixels
     if width < 1 or height < 1:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
     if width * height > most:
@@ -107,7 +107,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
     most = _charge_pixels(foreign, pixels * (1 if colour == _PNG_GREY_TYPE else 4) * (2 if depth == 16 else 1))
     cursor = foreign.cursor(8)
     kept, orientation = [PNG_START], UPRIGHT
-    for _ in range(_MOST_PNG_PARTS):
+    for _ in range(_MAX_PNG_PARTS):
         length, kind = cursor.unpack(">I4s")
         body = cursor.take(length)
         checksum = cursor.number(">I")
@@ -123,7 +123,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
             raise ValueError(f"an unknown part {kind!r}")
         if kind == b"IEND":
             return EncodedImage(b"".join(kept), width, height, most, orientation)
-    raise ValueError(f"more than {_MOST_PNG_PARTS} parts")
+    raise ValueError(f"more than {_MAX_PNG_PARTS} parts")
 
 
 def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
@@ -136,7 +136,7 @@ def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
     cursor.skip(2)
     frame: tuple[int, int, int] | None = None
     scans, packs_blocks, orientation = 0, True, UPRIGHT
-    for _ in range(_MOST_SEGMENTS):
+    for _ in range(_MAX_SEGMENTS):
         kind = _find_next_marker(cursor)
         if kind in _MARKERS_WITHOUT_LENGTH:
             continue
@@ -159,12 +159,12 @@ def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
         cursor.skip(length)
         if kind == _START_OF_SCAN:
             scans += 1
-            if frame is None or scans > _MOST_SCANS:
-                raise ValueError(f"more than {_MOST_SCANS} scans" if frame else "pixels before their size")
+            if frame is None or scans > _MAX_SCANS:
+                raise ValueError(f"more than {_MAX_SCANS} scans" if frame else "pixels before their size")
             cursor.skip_to(_find_end_of_scan(values, cursor.at))
         elif kind == _START_OF_IMAGE:
             raise ValueError("an image within an image")
-    raise ValueError(f"more than {_MOST_SEGMENTS} segments")
+    raise ValueError(f"more than {_MAX_SEGMENTS} segments")
 
 
 def _read_frame_header(body: bytes, foreign: ForeignBytes) -> tuple[int, int, int]:
@@ -177,7 +177,7 @@ def _read_frame_header(body: bytes, foreign: ForeignBytes) -> tuple[int, int, in
 def _find_next_marker(cursor: Cursor) -> int:
     if cursor.take(1) != b"\xff":
         raise ValueError(f"no marker at byte {cursor.at - 1}")
-    for _ in range(_MOST_FILL):
+    for _ in range(_MAX_FILL):
         kind = cursor.number("B")
         if kind != 0xFF:
             return kind
@@ -239,9 +239,9 @@ def parse_webp(foreign: ForeignBytes) -> EncodedImage:
 
 def _read_bounded_content(foreign: ForeignBytes) -> bytes:
     """The content of a file whose size in pixels is known only after it is read."""
-    if foreign.size > _MOST_PACKED_BYTES:
+    if foreign.size > _MAX_PACKED_BYTES:
         raise RefusedError(
-            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED_BYTES / 1e6:.0f} MB are the most that can be read "
+            f"has {foreign.size / 1e6:.0f} MB, and {_MAX_PACKED_BYTES / 1e6:.0f} MB are the most that can be read "
             "of this kind; make it smaller."
         )
     return foreign.content()
@@ -249,16 +249,16 @@ def _read_bounded_content(foreign: ForeignBytes) -> bytes:
 
 def _charge_pixels(foreign: ForeignBytes, count: int) -> int:
     """The bytes of all pixels, which are charged. Raises RefusedError if the file is far larger than they are."""
-    if foreign.size > count + _MOST_EXTRA_BYTES:
+    if foreign.size > count + _MAX_EXTRA_BYTES:
         raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")
     return foreign.budget.charge(count, "pixels")
 
 
 def parse_orientation(body: bytes) -> int:
     """The orientation, 1 to 8, that EXIF data state; 1 if they state none or cannot be read, as viewers take it."""
-    data = body.removeprefix(_MARK)[:_MOST_BYTES]
+    data = body.removeprefix(_MARK)[:_MAX_BYTES]
     try:
         stated = read_directories(ForeignBytes(data, len(data), Budget()))[0].number(_ORIENTATION, UPRIGHT)
     except (ValueError, KeyError, IndexError, struct.error, OverBudgetError):
         return UPRIGHT
-    return stated if UPRIGHT <= stated <= _MOST_ORIENTATION else UPRIGHT
+    return stated if UPRIGHT <= stated <= _MAX_ORIENTATION else UPRIGHT

@@ -11,9 +11,9 @@ import numpy as np
 from ...support.arrays import Array
 
 #: The rings of the spectrum: from these cycles per image to these cycles per pixel, and their number.
-_FEWEST_CYCLES, _MOST_CYCLES, _RING_COUNT = 4.0, 0.35, 13
+_FEWEST_CYCLES, _MAX_CYCLES, _RING_COUNT = 4.0, 0.35, 13
 #: Least side of a square whose spectrum is meaningful, px: its rings span a factor of 2.8 or more.
-LEAST_SIDE_PX = 32
+MIN_SIDE_PX = 32
 #: Light below this fraction of the full scale looks black.
 DARK_LEVEL = 0.02
 
@@ -56,12 +56,12 @@ def measure_spectrum(light: Array) -> tuple[Array, Array]:
     n = light.shape[0]
     if light.shape != (n, n):
         raise ValueError(f"an image of {light.shape} is not a square")
-    if n < LEAST_SIDE_PX or not light.std() > 0:
+    if n < MIN_SIDE_PX or not light.std() > 0:
         return np.empty(0), np.empty(0)
     window = np.hanning(n)
     power = np.abs(np.fft.fft2((light - light.mean()) * window * window[:, None])) ** 2
     cycles = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n, 1 / n)] * 2))
-    bounds = np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES * n, _RING_COUNT + 1)
+    bounds = np.geomspace(_FEWEST_CYCLES, _MAX_CYCLES * n, _RING_COUNT + 1)
     ring = np.digitize(cycles.ravel(), bounds)
     count = np.bincount(ring, minlength=_RING_COUNT + 2)[1:-1]
     filled = count > 0

@@ -30,7 +30,7 @@ COVERAGE = 0.95
 FEWEST_FOR_MEAN, FEWEST_EXACT = 20, 50
 #: Numbers of random weights of scenes for shares and of resamples for other means; most elements of both arrays; fewest
 #: draws.
-_WEIGHTS, _RESAMPLES, _MOST_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1000
+_WEIGHTS, _RESAMPLES, _MAX_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1000
 #: Relative error of a mean that counts as rounding.
 _ROUNDING_SHARE = 1e-12
 
@@ -93,7 +93,7 @@ def _sum_by_scene(values: Array, scenes: Array) -> tuple[Array, Array]:
 
 
 def _choose_draw_count(most: int, scenes: int) -> int:
-    return max(_FEWEST_DRAWS, min(most, _MOST_ELEMENTS // scenes))
+    return max(_FEWEST_DRAWS, min(most, _MAX_ELEMENTS // scenes))
 
 
 @lru_cache(maxsize=1)

@@ -29,11 +29,11 @@ from .walsh_averages import WalshSums, round_to_grid
 #: largest of several statistics has even more: see ``docs/theory/inference.md``.
 LIMIT_OF_ONE, LIMIT_OF_SEVERAL = 0.04, 0.028
 #: Most scenes for which all flips are made; with more, ``_FLIP_COUNT`` are drawn, with the observed signs among them.
-_MOST_EXACT_SCENES = 13
+_MAX_EXACT_SCENES = 13
 _FLIP_COUNT = 5000
 _FLIPS_PER_STEP = 1000
 #: Scenes below which sums of ranks, and their halves, are exact in single precision.
-_MOST_SINGLE_PRECISION_SCENES = 4000
+_MAX_SINGLE_PRECISION_SCENES = 4000
 #: Probability with which the difference ``ComparisonFamily.detectable`` is found.
 POWER = 0.8
 #: Statistics whose ratio is above this differ by rounding and count as ties.
@@ -173,7 +173,7 @@ def _rank_centred_differences(differences: Array, columns: list[_Differences]) -
 def _flip_statistics(ranks: Array, seed: int) -> Array:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
     used, signs = (
-        ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE_PRECISION_SCENES else np.float64),
+        ranks.astype(np.float32 if len(ranks) < _MAX_SINGLE_PRECISION_SCENES else np.float64),
         _draw_signs(len(ranks), seed),
     )
     return np.concatenate(
@@ -188,7 +188,7 @@ def _flip_statistics(ranks: Array, seed: int) -> Array:
 def _draw_signs(scenes: int, seed: int) -> Array:
     """The signs of all flips, int8 (flips, scenes). The first scene keeps its sign, as the statistics do not change if
     all signs do."""
-    if scenes <= _MOST_EXACT_SCENES:
+    if scenes <= _MAX_EXACT_SCENES:
         flipped = np.arange(2 ** max(0, scenes - 1))[:, None] >> np.arange(scenes)[::-1] & 1
     else:
         flipped = make_generator(seed, "statistics").integers(0, 2, (_FLIP_COUNT, scenes), np.int8)

@@ -12,17 +12,17 @@ from ...support.arrays import Array
 #: Bits of the largest value on the grid: numbers that differ only by rounding are equal there.
 _GRID_BITS = 36
 #: The binary exponent of the smallest number that is not zero.
-_LEAST_EXPONENT = -1074
+_MIN_EXPONENT = -1074
 #: Most values whose averages are all listed. The averages of more values are counted, which saves memory.
-_MOST_LISTED_VALUES = 200
+_MAX_LISTED_VALUES = 200
 #: Number of remaining sums at which counting ends and listing begins.
-_MOST_LISTED_SUMS = 4000
+_MAX_LISTED_SUMS = 4000
 
 
 def round_to_grid(values: Array) -> tuple[Array, float]:
     """The finite ``values`` (n,) in ascending order as whole numbers, int64, and the size of their unit."""
     most = float(np.abs(values).max(initial=0.0))
-    unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _GRID_BITS, _LEAST_EXPONENT))) if most > 0 else 1.0
+    unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _GRID_BITS, _MIN_EXPONENT))) if most > 0 else 1.0
     return np.sort(np.rint(values / unit).astype(np.int64)), unit
 
 
@@ -33,7 +33,7 @@ class WalshSums:
         self.values = ascending
         self.count = len(ascending) * (len(ascending) + 1) // 2
         self._listed: Array | None = None
-        if len(ascending) <= _MOST_LISTED_VALUES:
+        if len(ascending) <= _MAX_LISTED_VALUES:
             one, other = np.triu_indices(len(ascending))
             self._listed = np.sort(ascending[one] + ascending[other])
 
@@ -49,7 +49,7 @@ class WalshSums:
         if self._listed is not None:
             return int(self._listed[place])
         low, high, below, reached = 2 * int(self.values[0]) - 1, 2 * int(self.values[-1]), 0, self.count
-        while reached - below > _MOST_LISTED_SUMS and high - low > 1:
+        while reached - below > _MAX_LISTED_SUMS and high - low > 1:
             middle = (low + high) // 2
             if (count := self.count_up_to(middle)) > place:
                 high, reached = middle, count

@@ -51,7 +51,7 @@ ENDS = (SAMPLED, UNSAFE, ABSTAINED, MISSED)
 #: Least share of the volume of all bites that counts as a sample, an assumption.
 SAMPLE_SHARE = 0.5
 #: Least elevation of the Sun in degrees for a look.
-LEAST_SUN_DEG = 3.0
+MIN_SUN_DEG = 3.0
 #: Sky light over the Sun's, as irradiance of level ground: ground beyond the horizon of the rays.
 _SKY_SHARE = 0.01
 _MS_PER_HOUR = 3_600_000
@@ -275,11 +275,11 @@ class LandedDay:
         step = 0.25
         later = next((k * step for k in range(1, int(_LONGEST_NIGHT_H / step)) if self._is_day(at_h + k * step)), None)
         fix = "stop" if later is None else f"wait {later:g} h"
-        raise IcyMoonError(f"The Sun is too low or hidden, {LEAST_SUN_DEG:g} degrees are the least for a look; {fix}.")
+        raise IcyMoonError(f"The Sun is too low or hidden, {MIN_SUN_DEG:g} degrees are the least for a look; {fix}.")
 
     def _is_day(self, at_h: float) -> bool:
         sky = self._find_sky(at_h)
-        return sky.sun_elevation_deg >= LEAST_SUN_DEG and sky.eclipse < 1
+        return sky.sun_elevation_deg >= MIN_SUN_DEG and sky.eclipse < 1
 
     def _find_sky(self, at_h: float) -> Sky:
         date = self._start + np.timedelta64(round(at_h * _MS_PER_HOUR), "ms")

@@ -40,10 +40,10 @@ _ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "day": Maybe(TABL
 #: Elevation of the Sun in degrees at which a day begins, in the morning, and the least for a look by the policy.
 _MORNING_DEG, _LOOK_DEG = 16.0, 12.0
 #: Hours between two times at which the Sun's elevation is computed, and the most hours until a morning.
-_STEP_H, _MOST_H = 0.5, 200.0
+_STEP_H, _MAX_H = 0.5, 200.0
 _DAYS_OF_YEAR = 365
 #: Most steps of a day; a policy that takes more counts as endless.
-MOST_STEPS = 200
+MAX_STEPS = 200
 #: 1 - confidence of intervals.
 _DOUBT = 0.05
 #: The topics of a lander's settings.
@@ -145,7 +145,7 @@ def draw_start(lander: Settings, recipe: Recipe) -> Settings:
     random = make_split_generator(recipe.seed, recipe.split, recipe.number, 6)
     first = parse_date(lander.light.date_utc) + np.timedelta64(int(random.integers(_DAYS_OF_YEAR * 24)), "h")
     before = np.inf
-    for k in range(round(_MOST_H / _STEP_H)):
+    for k in range(round(_MAX_H / _STEP_H)):
         date = format_date(first + np.timedelta64(round(k * _STEP_H * 60), "m"))
         elevation = compute_sky(lander.light | {"date_utc": date}).sun_elevation_deg
         if before < _MORNING_DEG <= elevation:
@@ -153,7 +153,7 @@ def draw_start(lander: Settings, recipe: Recipe) -> Settings:
         before = elevation
     raise IcyMoonError(
         f"The Sun does not rise to {_MORNING_DEG:g} degrees over light.latitude_deg {lander.light.latitude_deg:g} in "
-        f"the {_MOST_H:g} h after {format_date(first)}; choose a latitude nearer to the equator."
+        f"the {_MAX_H:g} h after {format_date(first)}; choose a latitude nearer to the equator."
     )
 
 
@@ -161,8 +161,8 @@ def live_day(day: LandedDay, policy: Policy) -> dict[str, Any]:
     """The outcome of a day by a policy, with its ``steps``. Raises IcyMoonError if the policy has no end."""
     steps: list[dict[str, Any]] = []
     while not day.observation.done:
-        if len(steps) == MOST_STEPS:
-            raise IcyMoonError(f"The policy did not stop within {MOST_STEPS} steps; let it return a step {STOP!r}.")
+        if len(steps) == MAX_STEPS:
+            raise IcyMoonError(f"The policy did not stop within {MAX_STEPS} steps; let it return a step {STOP!r}.")
         step = policy(day.observation)
         day.step(step.action, step.hours, step.site)
         steps.append({key: value for key, value in asdict(step).items() if value})

@@ -76,7 +76,7 @@ _FIRST_RING_M, _SPACING = 0.45, 0.012
 #: Distance in metres at which the ground ends.
 _LAST_RING_M = 70.0
 #: Number of instances among which other shapes are drawn, and their distances from the standing place in metres.
-_MOST_SHAPES, _SHAPE_DISTANCE_M = 28, (0.9, 9.0)
+_MAX_SHAPES, _SHAPE_DISTANCE_M = 28, (0.9, 9.0)
 #: Level of detail of rocks: about 1280 triangles for broken ice, 320 for others.
 _ROCK_LEVEL = 2
 _CLEAR_M = 0.5
@@ -210,7 +210,7 @@ def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> 
     terrain = str(random.choice({"landform": HELD_OUT_LANDFORMS, "body": HELD_OUT_BODY}.get(split, variety.terrains)))
     rocks = str(random.choice(["", "rocks/sparse", "rocks/golombek_10", "rocks/golombek_20"]))
     place = random.uniform(-4.0, 4.0, 2)
-    shapes = int(random.integers(0, _MOST_SHAPES)) if random.random() < 0.55 else 0
+    shapes = int(random.integers(0, _MAX_SHAPES)) if random.random() < 0.55 else 0
     name, law, albedo = _draw_law(random)
     pattern = draw_pattern(random)
     if not variety.has_patterns:
@@ -316,7 +316,7 @@ def _lay_rocks(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[f
     shapes = make_rock_shapes(settings.rocks.family, float(settings.rocks.angularity), 0)
     surface = partial(terrain.heights, shortest_m=0.05)
     rocks = scatter_rocks(
-        settings.rocks, terrain.size_m, seed, surface, shapes, (*place_m, _CLEAR_M), most_seen=_MOST_ROCKS
+        settings.rocks, terrain.size_m, seed, surface, shapes, (*place_m, _CLEAR_M), most_seen=_MAX_ROCKS
     )
     if not len(rocks.shape):
         return []
@@ -330,12 +330,12 @@ def _make_skirts(settings: Settings, terrain: Terrain, seed: int, place_m: tuple
         return None
     shapes = make_rock_shapes(settings.rocks.family, float(settings.rocks.angularity), 0)
     clear = (*place_m, _CLEAR_M)
-    outlines = draw_footprints(settings.rocks, terrain.size_m, seed, shapes, clear, most_seen=_MOST_ROCKS)
+    outlines = draw_footprints(settings.rocks, terrain.size_m, seed, shapes, clear, most_seen=_MAX_ROCKS)
     return build_skirts(outlines, settings.rocks)
 
 
 #: Maximum number of rocks on a ground.
-_MOST_ROCKS = 600
+_MAX_ROCKS = 600
 
 
 def _make_matrices(position: Array, rotation: Array, scale: Array) -> Array:

@@ -15,9 +15,9 @@ from .grounds import GROUND, Ground
 #: Share of the distance by which shadow rays start above the surface: above the error of single precision.
 _LIFT = 2e-4
 #: Bounds of the albedo after a pattern has changed it.
-_LEAST_ALBEDO, _MOST_ALBEDO = 0.02, 0.995
+_MIN_ALBEDO, _MAX_ALBEDO = 0.02, 0.995
 #: Least cosine between the normal with relief and the ray back to the eye.
-_LEAST_COSINE = 0.02
+_MIN_COSINE = 0.02
 _FARTHEST_M = 1e4
 #: Number of bounces of indirect light that are traced.
 _BOUNCES = 3
@@ -151,11 +151,11 @@ def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: floa
     deviation, slope = ground.recipe.pattern.sample(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
     normal = normalize(seen.normal - slope + dot_products(slope, seen.normal)[:, None] * seen.normal)
     # A normal that the relief turned away from the eye is turned back until it just faces the eye.
-    short = np.maximum(_LEAST_COSINE - dot_products(normal, seen.back), 0.0)
+    short = np.maximum(_MIN_COSINE - dot_products(normal, seen.back), 0.0)
     normal = normalize(normal + short[:, None] * seen.back)
     others = light.other_albedo[seen.number % len(light.other_albedo)]
     albedo = np.where(seen.label == GROUND, ground.recipe.albedo, others) * (1.0 + deviation)
-    return np.clip(albedo, _LEAST_ALBEDO, _MOST_ALBEDO), normal
+    return np.clip(albedo, _MIN_ALBEDO, _MAX_ALBEDO), normal
 
 
 def _find_lit(ground: Ground, seen: _Points, toward: Array, reach: float = _FARTHEST_M) -> Array:

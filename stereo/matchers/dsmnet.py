@@ -33,7 +33,7 @@ OPTIONS = network_matchers.OPTIONS | {
 }
 
 #: Least deviation of an image that is brought to deviation 1 in training.
-_LEAST_DEVIATION = 1e-3
+_MIN_DEVIATION = 1e-3
 
 PRESETS = {"guiss": {"crop_height": 384, "crop_width": 640}}
 
@@ -60,7 +60,7 @@ def apply_in_training(network: nn.Module, left: Tensor, right: Tensor) -> Tensor
 def _standardise(image: Tensor) -> Tensor:
     """Images with mean 0 and deviation 1; 0 where they are constant."""
     mean, spread = image.mean((1, 2, 3), keepdim=True), image.std((1, 2, 3), keepdim=True)
-    return (image - mean) / spread.clamp(min=_LEAST_DEVIATION)
+    return (image - mean) / spread.clamp(min=_MIN_DEVIATION)
 
 
 def check(options: Mapping[str, Any]) -> None:

@@ -27,7 +27,7 @@ TITLE = "JPLV"
 ONE_PROCESSOR = True
 SPARSE = True
 
-_MOST_HALVED = 6
+_MAX_HALVED = 6
 
 OPTIONS = (
     Option(
@@ -36,7 +36,7 @@ OPTIONS = (
         "How often the images are halved before they are compared. auto: as often as the "
         "search range needs, of which it can search 255 disparities at a time",
         0,
-        _MOST_HALVED,
+        _MAX_HALVED,
         words=(AUTO,),
     ),
     Option("window", 7, "Side of the square that is compared, px of the halved images, odd", 3, 63, 2),
@@ -92,7 +92,7 @@ def settle(
         least, most, source = (chosen.least_px if isinstance(least, str) else least), chosen.most_px, chosen.source
     least = 0 if isinstance(least, str) else least
     if isinstance(level, str):
-        level = next((k for k in range(_MOST_HALVED) if (most >> k) - (least >> k) < jpl.MAX_LEVELS), _MOST_HALVED)
+        level = next((k for k in range(_MAX_HALVED) if (most >> k) - (least >> k) < jpl.MAX_LEVELS), _MAX_HALVED)
     return (
         options | {"min_disparity": least, "max_disparity": most, "pyramid_level": level},
         SearchRange(least, most, source),

@@ -101,7 +101,7 @@ REQUIREMENT = "onnxruntime>=1.19,<2"
 #: Shifts of the test texture. Two are needed: a network with a constant answer fits one shift with some factor.
 _SHIFTS_PX = (7, 12)
 #: Most pixels of an input of fixed size, to which images are resized.
-_MOST_INPUT_PIXELS = 2**25
+_MAX_INPUT_PIXELS = 2**25
 #: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
 _TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
@@ -265,9 +265,9 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
         raise IcyMoonError(
             f"{path} has 4 inputs without a size ({_describe_declared([declared])}); export it with fixed sizes."
         )
-    if (height or 1) * (width or 1) > _MOST_INPUT_PIXELS:
+    if (height or 1) * (width or 1) > _MAX_INPUT_PIXELS:
         raise IcyMoonError(
-            f"{path} has the input {_describe_declared([declared])}, but at most {_MOST_INPUT_PIXELS} pixels are "
+            f"{path} has the input {_describe_declared([declared])}, but at most {_MAX_INPUT_PIXELS} pixels are "
             "supported; export it with smaller inputs."
         )
     name = declared.name.lower()

@@ -47,11 +47,11 @@ ADAPTERS = Path(__file__).parents[1] / "adapters"
 #: Facts of the camera that a program gets.
 CAMERA_KEYS = ("focal_px", "cx_px", "cy_px", "baseline_m")
 #: Failures in a row after which a program is not started again.
-_MOST_FAILURES = 3
+_MAX_FAILURES = 3
 #: Seconds between looks for an answer, and seconds to end by itself.
 _POLL_S, _GRACE_S = 0.25, 2.0
 #: Limits of answers: bytes of a line, lines that wait to be read, number of facts, and characters of a fact.
-_LONGEST_LINE, _MOST_LINES, _MOST_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
+_LONGEST_LINE, _MAX_LINES, _MAX_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class _Resident:
     def __init__(self, program: Program) -> None:
         """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
         self._program, self._folder = program, make_scratch_folder()
-        self._lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
+        self._lines: queue.Queue[bytes] = queue.Queue(_MAX_LINES)
         self._stray, self._id = "", 0
         paths = [os.environ.get("PYTHONPATH", ""), str(ADAPTERS)]
         begun = time.monotonic()
@@ -117,7 +117,7 @@ class _Resident:
         stated = (
             {
                 key[:_LONGEST_FACT]: value[:_LONGEST_FACT] if isinstance(value, str) else value
-                for key, value in list(facts.items())[:_MOST_FACTS]
+                for key, value in list(facts.items())[:_MAX_FACTS]
                 if isinstance(value, str | int | float)
             }
             if isinstance(facts, dict)
@@ -266,7 +266,7 @@ _failed: dict[Program, tuple[int, str]] = {}
 def start_resident(program: Program) -> None:
     """Start a program if it does not run yet. Raises IcyMoonError if it cannot start or has failed too often."""
     count, reason = _failed.get(program, (0, ""))
-    if count >= _MOST_FAILURES:
+    if count >= _MAX_FAILURES:
         raise IcyMoonError(
             f"{program.name} failed {count} times in a row and is not started again; the last time it {reason}"
         )

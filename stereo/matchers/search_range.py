@@ -27,7 +27,7 @@ RIG, SETTINGS, STATED, FIXED = "rig", "settings", "stated", "fixed"
 #: Numbers of disparities are multiples of this, as OpenCV's matchers require.
 STEP_PX = 16
 #: Most disparities that are searched unless the user states more.
-MOST_SEARCHED_PX = 1024
+MAX_SEARCHED_PX = 1024
 #: Share of the true disparities outside the search range above which a report mentions it.
 REPORTED_MISSED_SHARE = 0.01
 #: Number of disparities, from 0, for an unknown rig.
@@ -120,4 +120,4 @@ def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: s
     high = min(math.ceil(high_px), width_px - 1)
     least = max(0, STEP_PX * math.floor(min(low_px, high) / STEP_PX))
     count = STEP_PX * max(1, math.ceil((high + 1 - least) / STEP_PX))
-    return SearchRange(least, least + min(count, MOST_SEARCHED_PX) - 1, source)
+    return SearchRange(least, least + min(count, MAX_SEARCHED_PX) - 1, source)

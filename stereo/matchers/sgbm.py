@@ -54,7 +54,7 @@ OPTIONS = (
 PRESETS: dict[str, dict[str, Any]] = {}
 
 #: Modes that keep the costs of the whole image, the bytes of one cost, and the memory for all.
-_WHOLE_IMAGE_MODES, _COST_BYTES, _MOST_COST_BYTES = ("hh", "hh4"), 4, 1e9
+_WHOLE_IMAGE_MODES, _COST_BYTES, _MAX_COST_BYTES = ("hh", "hh4"), 4, 1e9
 #: Rows beyond a strip of the image from which its paths may come. With 64, strips change no pixel in ten thousand.
 _STRIP_MARGIN_ROWS = 64
 
@@ -122,7 +122,7 @@ class StripMatcher:
     def compute(self, image: Array, other: Array) -> Array:
         """OpenCV's fixed-point disparities of ``image``."""
         height, width = image.shape
-        rows = int(_MOST_COST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
+        rows = int(_MAX_COST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
         if self.mode not in _WHOLE_IMAGE_MODES or rows >= height:
             return np.asarray(self.matcher.compute(image, other))
         step = max(rows - 2 * _STRIP_MARGIN_ROWS, _STRIP_MARGIN_ROWS)

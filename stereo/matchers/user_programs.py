@@ -13,9 +13,9 @@ from ...support.printer import show_controls
 from ...support.system import split_command
 
 #: Most bytes of a file beside its numbers, and of each number.
-_MOST_EXTRA_BYTES, _MOST_BYTES_PER_NUMBER = 2**20, 16
+_MAX_EXTRA_BYTES, _MAX_BYTES_PER_NUMBER = 2**20, 16
 #: Bytes of a text that are read from its end, and most characters that are shown.
-_READ_BYTES, _MOST_SHOWN = 65536, 300
+_READ_BYTES, _MAX_SHOWN = 65536, 300
 
 
 def read_array(path: Path, shape: tuple[int, ...]) -> Array:
@@ -23,7 +23,7 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
 
     Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.
     """
-    data = read_regular(path, _MOST_BYTES_PER_NUMBER * math.prod(shape) + _MOST_EXTRA_BYTES)
+    data = read_regular(path, _MAX_BYTES_PER_NUMBER * math.prod(shape) + _MAX_EXTRA_BYTES)
     return parse_part(
         data,
         path.name,
@@ -54,7 +54,7 @@ def read_last_line(path: Path) -> str:
         lines = read_end(path, _READ_BYTES).decode("utf-8", "replace").splitlines()
     except OSError:
         return ""
-    return next((show_controls(line.strip()[:_MOST_SHOWN]) for line in reversed(lines) if line.strip()), "")
+    return next((show_controls(line.strip()[:_MAX_SHOWN]) for line in reversed(lines) if line.strip()), "")
 
 
 def split_arguments(option: str, command: str, example: str) -> list[str]:

@@ -26,7 +26,7 @@ TEXTURE_WINDOW_PX = 9
 _SHADOW_SHARE = 0.35
 _LIT_QUANTILE = 0.9
 #: Least cosine of incidence of facets from which the brightness of lit ground is found.
-_LEAST_INCIDENCE_COSINE = 0.2
+_MIN_INCIDENCE_COSINE = 0.2
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ MATERIAL = PixelClassification("material", "Material", names=("terrain", "rock",
 DEPOSITS = PixelClassification("deposits", "Lens", names=("clean", "deposits"))
 FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL, DEPOSITS)
 #: Least share of the left image's light, of 255, that deposits block at a pixel behind them.
-_LEAST_BLOCKED = 13
+_MIN_BLOCKED = 13
 #: The number of classes by each factor, with one more for pixels without a class.
 _CLASS_COUNTS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
@@ -96,7 +96,7 @@ def find_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semanti
     shadow = cosine <= 0
     for material in np.unique(semantic):
         facing = (semantic == material) & (cosine > 0)
-        square = facing & (cosine >= _LEAST_INCIDENCE_COSINE)
+        square = facing & (cosine >= _MIN_INCIDENCE_COSINE)
         if square.any():
             lit = float(np.quantile(grey[square] / cosine[square], _LIT_QUANTILE))
             shadow |= facing & (grey < _SHADOW_SHARE * lit * cosine)
@@ -126,7 +126,7 @@ def classify_pixels(
         SLOPE.key: nowhere,
         SHADOW.key: nowhere,
         MATERIAL.key: nowhere,
-        DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8),
+        DEPOSITS.key: nowhere if blocked is None else (blocked >= _MIN_BLOCKED).astype(np.int8),
     }
     if normal is not None:
         # The third component of normals, which compact files round, is too inexact for small angles.

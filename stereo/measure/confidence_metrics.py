@@ -28,7 +28,7 @@ CONFIDENCE_SHARES = ("ece", "coverage_at_bad_2", "bad_2_at_90")
 RIGHT_PX = 1.0
 #: Error, px, above which a measurement is bad; the largest share of bad ones, and the share of true pixels that is
 #: kept.
-BAD_PX, MOST_BAD_SHARE, KEPT_COVERAGE = 2.0, 0.03, 0.90
+BAD_PX, MAX_BAD_SHARE, KEPT_COVERAGE = 2.0, 0.03, 0.90
 #: Classes of equal width of the calibration (Guo et al. 2017).
 CALIBRATION_CLASSES = 15
 #: Sums over the pixels of a class: pixels, right ones, and confidences.
@@ -108,7 +108,7 @@ def measure_confidence(
       the mean error of all. 0 is ideal; a confidence without information has 1 less the ideal area;
     * ``ece``: expected calibration error (Guo et al. 2017), with ``RIGHT_PX``;
     * ``coverage_at_bad_2``: the largest share of the true pixels that is kept by a limit of the confidence with at
-      most ``MOST_BAD_SHARE`` of the kept ones off by more than 2 px;
+      most ``MAX_BAD_SHARE`` of the kept ones off by more than 2 px;
     * ``bad_2_at_90``: the share of the surest measurements, as many as 90 % of the true pixels, that is off by more
       than 2 px; NaN if fewer are measured.
     """
@@ -156,7 +156,7 @@ def find_coverage_at(ordered: _Ordered, true_pixels: int) -> float:
     """Find ``coverage_at_bad_2``, see ``measure_confidence``; NaN without true pixels."""
     if not true_pixels:
         return float("nan")
-    return float(ordered.ends[ordered.bad <= MOST_BAD_SHARE * ordered.ends].max()) / true_pixels
+    return float(ordered.ends[ordered.bad <= MAX_BAD_SHARE * ordered.ends].max()) / true_pixels
 
 
 def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:

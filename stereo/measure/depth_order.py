@@ -27,7 +27,7 @@ from ...support.arrays import Array
 
 DEPTH_TOLERANCE_SHARE = 0.01
 #: Values per row of a table of counts, one for each bit of a word, as bits; and most entries of such a table.
-_GROUP_BITS, _MOST_ENTRIES = 6, 2**23
+_GROUP_BITS, _MAX_ENTRIES = 6, 2**23
 _GROUP_SIZE = 2**_GROUP_BITS
 #: Pixels whose counts are looked up at once, so that the intermediate results stay in the processor's cache.
 _PIXELS_PER_STEP = 2**13
@@ -193,7 +193,7 @@ class _PrefixCounts:
 
     def __init__(self, values: Array, sizes: Array, regions: Sequence[Array]) -> None:
         starts, limits = _make_prefix_sums(sizes), np.arange(sizes.size + 1)
-        most = max(2, _MOST_ENTRIES // (values.size // _GROUP_SIZE + 1))
+        most = max(2, _MAX_ENTRIES // (values.size // _GROUP_SIZE + 1))
         levels = next(count for count in range(1, 64) if most**count > sizes.size)
         base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base**levels > sizes.size)
         self._levels = []

@@ -19,7 +19,7 @@ ERROR_BOUNDS_PX = np.linspace(-2.0, 2.0, 81)
 #: of a pixel.
 FRACTION_BINS = 16
 #: Largest error that counts as fine; larger errors are mismatches, which are unrelated to fractional parts.
-_MOST_FINE_ERROR_PX = 1.0
+_MAX_FINE_ERROR_PX = 1.0
 #: The histograms and their lengths, all over the measured pixels. ``error``: of measured minus true disparity. ``part``
 #: and ``true_part``: of the part of a pixel in measured and in true disparities. ``fine`` and ``fine_error_px``: pixels
 #: with an error below 1 px, and the sum of their signed errors, by the part of a pixel of the true disparity.
@@ -39,7 +39,7 @@ def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
     both = is_usable(disparity) & is_usable(true_disparity)
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
     error, part = measured - true, _find_fraction_bin(true)
-    fine = np.abs(error) < _MOST_FINE_ERROR_PX
+    fine = np.abs(error) < _MAX_FINE_ERROR_PX
     # Far faster than sorting, or a search for each error.
     below = [np.count_nonzero(error < bound) for bound in ERROR_BOUNDS_PX]
     return {

@@ -30,7 +30,7 @@ FEWEST_PIXELS = 100
 #: depends on the direction of view varies over larger widths, and so drops out.
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
 #: Contrast below which light counts as noise: as a share of the local brightness, and of the whole image's brightness.
-_LEAST_LOCAL_CONTRAST, _LEAST_GLOBAL_CONTRAST = 0.02, 1e-3
+_MIN_LOCAL_CONTRAST, _MIN_GLOBAL_CONTRAST = 0.02, 1e-3
 #: Correlation of the light from which on the images belong to their depth.
 FITTING_CORRELATION = 0.6
 #: Fewest tiles for a number that is used.
@@ -42,10 +42,10 @@ _ENOUGH_ROWS = 240
 #: the size of a place, px; the correlation from which it is found; and the least excess of this correlation over the
 #: one at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise have a
 #: standard deviation of 0.1.
-_REDUCED_COLUMNS, _PLACE_PX, _FOUND_CORRELATION, _LEAST_CORRELATION_GAIN = 160, 6.0, 0.65, 0.15
+_REDUCED_COLUMNS, _PLACE_PX, _FOUND_CORRELATION, _MIN_CORRELATION_GAIN = 160, 6.0, 0.65, 0.15
 #: Mean square of the contrast from which on a place has texture everywhere. A few bright dots in the dark match any
 #: other dots.
-_LEAST_TEXTURE = 0.2
+_MIN_TEXTURE = 0.2
 #: Shifts, px, at which a place is searched for.
 _SEARCH_PX = np.array([*range(-16, -1, 2), -1, 0, 1, *range(2, 17, 2)], float)
 #: Difference in disparity, px, below which both eyes see the same point.
@@ -293,7 +293,7 @@ class _Contrasts:
         above = np.multiply(np.subtract(light, mean, out=light), self._mask, out=light)
         spread = _smooth(above * above, _CONTRAST_PX)
         np.sqrt(np.divide(spread, self._share, out=spread), out=spread)
-        spread += _LEAST_LOCAL_CONTRAST * mean + _LEAST_GLOBAL_CONTRAST
+        spread += _MIN_LOCAL_CONTRAST * mean + _MIN_GLOBAL_CONTRAST
         return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
 
     def products(self, image: Array) -> Array:
@@ -382,7 +382,7 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
     )
     here = fits[np.abs(_SEARCH_PX) <= 1].max(axis=0)
     found = where & (fits.max(axis=0) > _FOUND_CORRELATION)
-    sums = sum_over_tiles(found & (fits.max(axis=0) > here + _LEAST_CORRELATION_GAIN), found)
+    sums = sum_over_tiles(found & (fits.max(axis=0) > here + _MIN_CORRELATION_GAIN), found)
     if np.count_nonzero(sums[:, 1]) < FEWEST_TILES:
         return Estimate()
     (value,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
@@ -393,7 +393,7 @@ def _compute_local_correlation(contrast: Array, other: Array, where: Array) -> A
     """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
     energy, other_energy, both = (_smooth(image, _PLACE_PX) for image in (first**2, second**2, first * second))
-    told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _LEAST_TEXTURE)
+    told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _MIN_TEXTURE)
     return np.where(told, both / np.sqrt(np.where(told, energy * other_energy, 1.0)), 0.0)
 
 

@@ -27,30 +27,30 @@ from ...support.arrays import Array
 _REDUCED_COLUMNS = 400
 #: Limits of the searched disparities: the greatest as a share of the width, which eyes very near to the ground need,
 #: and the least in px below 0.
-_MOST_SEARCHED_SHARE, _SEARCHED_BELOW_0_PX = 0.75, 2
+_MAX_SEARCHED_SHARE, _SEARCHED_BELOW_0_PX = 0.75, 2
 #: Block size (px), uniqueness (%) and least region (px) of places that count; noise makes smaller regions.
-_BLOCK_PX, _UNIQUENESS_PERCENT, _LEAST_REGION_PX = 7, 12, 60
+_BLOCK_PX, _UNIQUENESS_PERCENT, _MIN_REGION_PX = 7, 12, 60
 #: Tolerances within which a place agrees with a disparity: px of the reduced images, and share of the disparity.
 _AGREEMENT_PX, _AGREEMENT_SHARE = 1.0, 0.03
 #: Least contrast of a place with its surroundings, grey levels of 255.
-_LEAST_CONTRAST_DN = 1.5
+_MIN_CONTRAST_DN = 1.5
 #: Requirements for a statement: fewest places, in how many of eight by eight tiles, and of how many rows and columns of
 #: tiles. Along a horizon there are many places and no ground.
 _FEWEST_PLACES, _TILES_PER_SIDE, _FEWEST_TILES, _FEWEST_BANDS = 150, 8, 8, 3
 #: Fewest places as a share of the image: in images of noise alone one place in a hundred is found by chance.
-_LEAST_PLACES_SHARE = 0.05
+_MIN_PLACES_SHARE = 0.05
 #: Least share of the places that a right map explains, and largest share that a wrong map explains. A right map misses
 #: occluded and repeated places too.
-_LEAST_RIGHT_SHARE, _MOST_WRONG_SHARE = 0.5, 0.25
+_MIN_RIGHT_SHARE, _MAX_WRONG_SHARE = 0.5, 0.25
 #: Two readings differ where their disparities differ by the first number, px. The other reading is named if the two
 #: differ in at least the second share of the places, if it is nearer to most of them in at least the third share of the
 #: tiles, and if its median error is at most the fourth number times the stated reading's.
-_DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER_TILES_SHARE, _MOST_ERROR_RATIO = 0.5, 0.2, 0.75, 0.5
+_DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER_TILES_SHARE, _MAX_ERROR_RATIO = 0.5, 0.2, 0.75, 0.5
 
 
 #: For a small fault of scale: least disparity of the reduced images, px; the least fault, as a logarithm and in px; and
 #: the largest ratio, as a logarithm. Steep ground of sound pairs is off by 0.04.
-_LEAST_SCALED_PX, _LEAST_SCALE_FAULT, _LEAST_SCALE_FAULT_PX, _MOST_SCALE_FAULT = 5.0, 0.04, 0.25, 0.5
+_MIN_SCALED_PX, _MIN_SCALE_FAULT, _MIN_SCALE_FAULT_PX, _MAX_SCALE_FAULT = 5.0, 0.04, 0.25, 0.5
 #: Share of the tiles that show a wrong scale, and the share of the fault that they show at least.
 _SHOWING_TILES_SHARE, _SHOWN_FAULT_SHARE = 0.8, 0.3
 #: Focal lengths to try, as shares of the stated one: steps of 3 %, without those within a tenth.
@@ -106,7 +106,7 @@ class MatchedPlaces:
     def are_enough(self) -> bool:
         """Return whether there are enough matched points for a verdict, in either order of the images."""
         return any(
-            _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_PLACES_SHARE
+            _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _MIN_PLACES_SHARE
             for each in (self.left, self.swapped)
         )
 
@@ -139,7 +139,7 @@ def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPl
             continue
         share = _measure_agreeing_share(disparity, found, places.step)
         if (
-            share >= _LEAST_RIGHT_SHARE
+            share >= _MIN_RIGHT_SHARE
             and _explains_more(disparity, stated, found, places)
             and (best is None or share > best.share)
         ):
@@ -148,7 +148,7 @@ def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPl
         best = _find_factor(stated, places, here, kind)
     if (
         best is None
-        and here < _MOST_WRONG_SHARE
+        and here < _MAX_WRONG_SHARE
         and _is_spread(np.isfinite(places.left) & np.isfinite(_thin(stated, places.step)))
     ):
         return FitFault("nothing", 1.0, here)
@@ -176,12 +176,12 @@ def _find_scale(stated: Array, found: Array) -> float | None:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(found / stated)
-        known = np.isfinite(ratio) & (np.abs(ratio) < _MOST_SCALE_FAULT)
+        known = np.isfinite(ratio) & (np.abs(ratio) < _MAX_SCALE_FAULT)
     if not _is_spread(known):
         return None
     gathered = np.array([_find_half_sample_mode(ratio[tile][known[tile]]) for tile in _find_filled_tiles(known)])
     off, disparity = float(np.median(gathered)), float(np.median(found[known]))
-    if disparity < _LEAST_SCALED_PX or abs(off) < _LEAST_SCALE_FAULT or abs(off) * disparity < _LEAST_SCALE_FAULT_PX:
+    if disparity < _MIN_SCALED_PX or abs(off) < _MIN_SCALE_FAULT or abs(off) * disparity < _MIN_SCALE_FAULT_PX:
         return None
     shown = np.mean(gathered * np.sign(off) > _SHOWN_FAULT_SHARE * abs(off))
     return math.exp(off) if shown >= _SHOWING_TILES_SHARE else None
@@ -220,7 +220,7 @@ def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> fl
             continue
         missed = float(np.median(np.abs(other - places.left)[both]))
         near = np.abs(other - places.left)[both] <= _find_tolerance(places.left)[both]
-        if missed < least and near.mean() >= _LEAST_RIGHT_SHARE and _is_nearer(other, stated, places.left, differs):
+        if missed < least and near.mean() >= _MIN_RIGHT_SHARE and _is_nearer(other, stated, places.left, differs):
             best, least = zoom, missed
     return best
 
@@ -231,7 +231,7 @@ def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Matched
     return (
         places.are_enough()
         and _measure_agreeing_share(read_as_disparity(values, kind, camera), places.left, places.step)
-        >= _LEAST_RIGHT_SHARE
+        >= _MIN_RIGHT_SHARE
     )
 
 
@@ -240,7 +240,7 @@ def are_mostly_at_disparity(where: Array, disparity_px: float, places: MatchedPl
     inside = _thin(where.astype(np.float64), places.step) > 0
     there = _measure_agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)
     return bool(
-        there >= _LEAST_RIGHT_SHARE and (inside & np.isfinite(places.left)).sum() >= _LEAST_RIGHT_SHARE * inside.sum()
+        there >= _MIN_RIGHT_SHARE and (inside & np.isfinite(places.left)).sum() >= _MIN_RIGHT_SHARE * inside.sum()
     )
 
 
@@ -302,7 +302,7 @@ def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -
     middle = float(np.median(ratio[np.abs(ratio - middle) <= 1.5 * _AGREEMENT_SHARE]))
     scaled = stated * math.exp(middle)
     share = _measure_agreeing_share(scaled, places.left, places.step)
-    if share < _LEAST_RIGHT_SHARE or not _explains_more(scaled, stated, places.left, places):
+    if share < _MIN_RIGHT_SHARE or not _explains_more(scaled, stated, places.left, places):
         return None
     return FitFault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
 
@@ -311,7 +311,7 @@ def _explains_more(disparity: Array, stated: Array, found: Array, places: Matche
     """Whether another interpretation explains clearly more of the places at which it differs from the stated one."""
     if found is not places.left:  # the other reading exchanges the images
         here = _measure_agreeing_share(stated, places.left, places.step)
-        return not here >= _MOST_WRONG_SHARE
+        return not here >= _MAX_WRONG_SHARE
     one, other = (_thin(each, places.step) / places.step for each in (stated, disparity))
     with np.errstate(invalid="ignore"):
         differs = np.isfinite(found) & (np.abs(one - other) > _DIFFERENT_PX)
@@ -329,7 +329,7 @@ def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
     nearer = [bool(np.mean((left < missed)[tile][differs[tile]]) > 0.5) for tile in _find_filled_tiles(differs)]
     return bool(
         np.mean(nearer) >= _NEARER_TILES_SHARE
-        and np.median(left[differs]) <= _MOST_ERROR_RATIO * np.median(missed[differs])
+        and np.median(left[differs]) <= _MAX_ERROR_RATIO * np.median(missed[differs])
     )
 
 
@@ -393,7 +393,7 @@ def _to_8_bit(image: Array) -> Array:
 def _match_both_ways(left: Array, right: Array) -> Array:
     """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
     width = left.shape[1]
-    count = 16 * math.ceil((_MOST_SEARCHED_SHARE * width + _SEARCHED_BELOW_0_PX) / 16)
+    count = 16 * math.ceil((_MAX_SEARCHED_SHARE * width + _SEARCHED_BELOW_0_PX) / 16)
     there, back = _match_one_way(left, right, count), _match_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
     column = np.rint(find_matching_column(np.nan_to_num(there))).astype(np.int64)
     inside = (column >= 0) & (column < width)
@@ -401,9 +401,9 @@ def _match_both_ways(left: Array, right: Array) -> Array:
     smooth = cv2.blur(left.astype(np.float32), (_BLOCK_PX, _BLOCK_PX))
     contrast = np.sqrt(cv2.blur((left - smooth) ** 2, (_BLOCK_PX, _BLOCK_PX)))
     with np.errstate(invalid="ignore"):
-        sure = inside & (np.abs(there - other) <= 1) & (contrast > _LEAST_CONTRAST_DN)
+        sure = inside & (np.abs(there - other) <= 1) & (contrast > _MIN_CONTRAST_DN)
     steps = np.where(sure, np.rint(16 * np.nan_to_num(there)), -32768).astype(np.int16)
-    cv2.filterSpeckles(steps, -32768, _LEAST_REGION_PX, 16)
+    cv2.filterSpeckles(steps, -32768, _MIN_REGION_PX, 16)
     return np.where(steps == -32768, np.nan, there)
 
 

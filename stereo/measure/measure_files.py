@@ -20,9 +20,9 @@ SAMPLED_PAIR_COUNT = 300_000
 BM_MIN_DISPARITY = "bm_min_disparity"
 _DISPARITY_ENTRY = "disparity"
 #: Most bytes to which the packed arrays of a file may unfold: 33 million values in single precision.
-_MOST_UNPACKED_BYTES = 2**27
+_MAX_UNPACKED_BYTES = 2**27
 #: Largest accepted disparity, px, which exceeds the width of any image.
-_MOST_DISPARITY_PX = 2**20
+_MAX_DISPARITY_PX = 2**20
 
 
 def _measure_as_reference_code(
@@ -101,11 +101,11 @@ def _read_bm_min_disparity(path: Path) -> int | None:
         stored = parse_npz(foreign, {BM_MIN_DISPARITY}).get(BM_MIN_DISPARITY)
         if stored is None:
             return None
-        if stored.shape != () or not abs(float(stored)) <= _MOST_DISPARITY_PX:
+        if stored.shape != () or not abs(float(stored)) <= _MAX_DISPARITY_PX:
             raise RefusedError(f"{BM_MIN_DISPARITY} is not a disparity; give --bm-min-disparity.")
         return int(stored)
 
-    return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED_BYTES)
+    return read(path, parse, "an npz file", "match the images again", memory=_MAX_UNPACKED_BYTES)
 
 
 def read_map(path: Path) -> Array:
@@ -116,7 +116,7 @@ def read_map(path: Path) -> Array:
         _parse_map,
         "an npy file of numbers",
         "give an existing one with depths in metres",
-        memory=_MOST_UNPACKED_BYTES,
+        memory=_MAX_UNPACKED_BYTES,
     )
 
 

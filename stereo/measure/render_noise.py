@@ -32,7 +32,7 @@ RENDER, BAKE = "render", "bake"
 #: % at most 1.5.
 VERDICT_LIMITS = ((0.01, CLEAN), (0.05, NOISY))
 #: Least share of the image for light or shadow to count.
-_LEAST_PART_SHARE = 0.05
+_MIN_PART_SHARE = 0.05
 #: Disparity step between neighbours, px, above which a pixel is at an edge and interpolation mixes two surfaces.
 _EDGE_PX = 0.25
 #: Shadow is darker than this share of a quantile of the image's brightness, in an image blurred by this width.
@@ -135,7 +135,7 @@ def measure_hidden_share(difference: Array, converged: Array, visible: Array) ->
         (
             float(hidden[part].mean())
             for part in (visible & ~shadow, visible & shadow)
-            if part.any() and part.sum() >= _LEAST_PART_SHARE * visible.sum()
+            if part.any() and part.sum() >= _MIN_PART_SHARE * visible.sum()
         ),
         default=None,
     )
@@ -150,13 +150,13 @@ def _find_shadow(left: Array, known: Array) -> Array:
 
 
 def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
-    """The largest ``hidden`` share of the parts with at least _LEAST_PART_SHARE of the pixels, and the share of it that
+    """The largest ``hidden`` share of the parts with at least _MIN_PART_SHARE of the pixels, and the share of it that
     baked light causes.
     """
     return max(
         (part.hidden, part.by_bake or 0.0)
         for part in parts
-        if part.hidden is not None and part.share >= _LEAST_PART_SHARE
+        if part.hidden is not None and part.share >= _MIN_PART_SHARE
     )
 
 

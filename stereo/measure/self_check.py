@@ -35,14 +35,14 @@ from .eye_offsets import (
 TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
 #: Standard errors beyond which a number counts as wrong. Normal errors exceed them once in a million cases, but
 #: highlights and edges of shadows in neighbouring tiles are correlated.
-MOST_STANDARD_ERRORS = 5.0
+MAX_STANDARD_ERRORS = 5.0
 #: Least gain of the correlation by a shift, in standard errors. A wide highlight has its peak elsewhere, but so flat
 #: that the gain is small.
 GAIN_ERRORS = 3.0
 #: Largest shift of the light, px, of a sound pair.
 LIGHT_LIMIT_PX = 0.25
 #: A lower correlation of the light determines nothing.
-LEAST_CORRELATION = 0.3
+MIN_CORRELATION = 0.3
 #: Largest share, in a sound pair, of the places found in both images that are not where the truth has them.
 FOREIGN_LIMIT = 0.05
 #: Largest share of pixels, in a sound pair, that the other eye sees through. Thin rocks between two columns give a few.
@@ -116,7 +116,7 @@ def run_self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: Ste
 
 
 def _find_truth_problems(truth: TruthOffsets) -> Iterator[str]:
-    if any(getattr(truth, name).exceeds(limit, MOST_STANDARD_ERRORS) for name, limit in TRUTH_LIMITS.items()):
+    if any(getattr(truth, name).exceeds(limit, MAX_STANDARD_ERRORS) for name, limit in TRUTH_LIMITS.items()):
         value = getattr(truth, truth.likeliest).value
         yield {
             "shift_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} px",
@@ -138,7 +138,7 @@ def _find_light_problems(
         f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
         for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
         if _determines_fit(light)
-        and estimate.exceeds(LIGHT_LIMIT_PX, MOST_STANDARD_ERRORS)
+        and estimate.exceeds(LIGHT_LIMIT_PX, MAX_STANDARD_ERRORS)
         and gain.exceeds(0.0, GAIN_ERRORS)
     ]
     if light.correlation > FITTING_CORRELATION and not shifts:
@@ -147,13 +147,13 @@ def _find_light_problems(
     mirrored = measure_light_correlation(
         left.grey, right.grey, find_matching_column(camera.disparity(right.depth), "right"), visible["right"]
     )
-    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > MOST_STANDARD_ERRORS * np.hypot(
+    if mirrored.value > MIN_CORRELATION and mirrored.value - here.value > MAX_STANDARD_ERRORS * np.hypot(
         mirrored.error, here.error
     ):
         yield "the images fit best with left and right exchanged"
         return
     foreign = measure_foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
-    if foreign.value - MOST_STANDARD_ERRORS * foreign.error > FOREIGN_LIMIT:
+    if foreign.value - MAX_STANDARD_ERRORS * foreign.error > FOREIGN_LIMIT:
         yield (
             f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts them"
         )
@@ -163,7 +163,7 @@ def _find_light_problems(
 
 def _determines_fit(light: LightOffsets) -> bool:
     """Whether the light determines where it fits."""
-    return light.correlation > LEAST_CORRELATION and light.tiles >= FEWEST_TILES
+    return light.correlation > MIN_CORRELATION and light.tiles >= FEWEST_TILES
 
 
 def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:

@@ -15,7 +15,7 @@ from torch.nn import functional as F  # noqa: N812, its usual name
 from .icynet_file import count_levels
 
 #: Width in px of the window in which brightness is normalized, and the least deviation in it.
-_WINDOW_PX, _LEAST_DEVIATION = 15, 0.01
+_WINDOW_PX, _MIN_DEVIATION = 15, 0.01
 #: Levels of 4 px on each side of the best, among which a mean is taken.
 _REACH_LEVELS = 2
 #: Shifts at half size on each side that the refinement looks at.
@@ -187,7 +187,7 @@ def _normalize_locally(image: Tensor) -> Tensor:
     pad = _WINDOW_PX // 2
     padded = F.pad(image, (pad, pad, pad, pad), mode="reflect")
     mean, square = _average(padded), _average(padded * padded)
-    spread = torch.sqrt(torch.clamp(square - mean * mean, min=_LEAST_DEVIATION**2))
+    spread = torch.sqrt(torch.clamp(square - mean * mean, min=_MIN_DEVIATION**2))
     return torch.tanh((image - mean) / (2.0 * spread))
 
 

@@ -36,7 +36,7 @@ SHEETS = {
 }
 #: Width of a picture on a sheet, px, and most letters of a title and of a line below it.
 _CELL_PX, _TITLE_LETTERS, _LINE_LETTERS = 320, 33, 42
-_MOST_BYTES = 1_000_000
+_MAX_BYTES = 1_000_000
 #: The setting of the albedo figure.
 _ALBEDO_SETTING = "surface.albedo"
 #: Grey of the ground in masks, number of hues, and step in the circle of hues from one label to the next, which rarely
@@ -64,7 +64,7 @@ def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[Planne
             picture = measured.out / images["depth"] if "depth" in images else blank
             cells.append((picture, describe_method(matcher), "" if "depth" in images else "failed"))
     if cells:
-        write_sheet(cells, file, _MOST_BYTES, 2 + len(measured.table.methods), _CELL_PX)
+        write_sheet(cells, file, _MAX_BYTES, 2 + len(measured.table.methods), _CELL_PX)
     return shown
 
 
@@ -102,7 +102,7 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
         if name == "rocks":
             cells += _draw_masks(pair)
     columns, _, _ = SHEETS[name]
-    write_sheet(cells, file, _MOST_BYTES, columns, _CELL_PX)
+    write_sheet(cells, file, _MAX_BYTES, columns, _CELL_PX)
     return True
 
 

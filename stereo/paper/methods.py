@@ -13,7 +13,7 @@ from ..matchers.methods import Method, parse_methods
 from .printed import PRINTED_METHODS, TABLE_METHODS
 
 #: Step of StereoBM's number of disparities, px, and its least window.
-_DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
+_DISPARITIES_STEP_PX, _MIN_WINDOW = 16, 5
 
 
 def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
@@ -53,7 +53,7 @@ def _describe_matcher(name: str, scale: float) -> str:
     if scale == 1 or name == "igev":
         return f"{name}:preset=guiss"
     preset = PRESETS["guiss"]
-    window = max(_LEAST_WINDOW, 2 * round(scale * (preset["window"] - 1) / 2) + 1)
+    window = max(_MIN_WINDOW, 2 * round(scale * (preset["window"] - 1) / 2) + 1)
     disparities = _DISPARITIES_STEP_PX * math.ceil(scale * preset["disparities"] / _DISPARITIES_STEP_PX)
     least = round(scale * preset["min_disparity"])
     return f"bm:preset=guiss:window={window}:disparities={disparities}:min_disparity={least}"

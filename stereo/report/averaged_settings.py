@@ -12,7 +12,7 @@ from .by_setting import POSE_SETTINGS, SCENE_SWEEP, VariedSetting
 from .summary import ResultTable
 
 #: Most settings that are named.
-_MOST_NAMED = 6
+_MAX_NAMED = 6
 
 
 def describe_averaging(
@@ -39,8 +39,8 @@ def describe_averaging(
         else:
             named.append(sweep.title)
     found += [format_count(number, what) for what, number in poses.items()]
-    if len(named) > _MOST_NAMED:
-        named = [*named[:_MOST_NAMED], format_count(len(named) - _MOST_NAMED, "more setting")]
+    if len(named) > _MAX_NAMED:
+        named = [*named[:_MAX_NAMED], format_count(len(named) - _MAX_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
         return f"Each point is the mean over {_count_text(_find_range_of_sizes(groups), 'pair')}."

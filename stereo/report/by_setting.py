@@ -28,7 +28,7 @@ TERRAIN_SWEEP = "terrain"
 #: Settings of the cameras' poses, whose values are averaged, and their names for readers.
 POSE_SETTINGS = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
 #: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
-MOST_LEVELS = 10
+MAX_LEVELS = 10
 
 
 def name_scene(facts: Mapping[str, Any]) -> str:
@@ -65,8 +65,8 @@ class VariedSetting:
         known = ~np.isnan(self.values) if self.numeric else self.values != ""
         distinct = np.unique(self.values[known])
         level = np.full(len(self.values), -1)
-        if self.numeric and len(distinct) > MOST_LEVELS:
-            bounds = np.quantile(self.values[known], np.linspace(0, 1, MOST_LEVELS + 1)[1:-1])
+        if self.numeric and len(distinct) > MAX_LEVELS:
+            bounds = np.quantile(self.values[known], np.linspace(0, 1, MAX_LEVELS + 1)[1:-1])
             level[known] = np.searchsorted(np.unique(bounds), self.values[known], side="right")
             used = np.unique(level[known])
             places = np.array([self.values[level == k].mean() for k in used])

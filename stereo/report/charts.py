@@ -74,7 +74,7 @@ METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 #: The line of each measure of confidence; the page names them.
 MEASURE_DASHES = {OWN: "-", LEFT_RIGHT: "--", SWEEP: "-."}
 #: Most scenes that are drawn as separate dots, and most characters of a method's name in a chart.
-_MOST_DOTS, _LONGEST_LABEL = 60, 24
+_MAX_DOTS, _LONGEST_LABEL = 60, 24
 #: Colour of an interval of few scenes, its note in the title of the chart, and the fewest scenes of a box.
 _INTERVAL_GREY, _GREY_TEXT, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
 #: Metrics whose typical differences are drawn, with factor and name.
@@ -83,7 +83,7 @@ _DIFFERENCE_METRICS = (
     ("common_epe_px", 1.0, "ratio of mean disparity errors"),
 )
 #: Most comparisons in the chart, and the height of each in inches.
-_MOST_COMPARED, _COMPARISON_HEIGHT_IN = 15, 0.3
+_MAX_COMPARED, _COMPARISON_HEIGHT_IN = 15, 0.3
 #: Fewest true pixels of a class that is drawn.
 _FEWEST_CLASS_PX = 200
 
@@ -236,7 +236,7 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
             entry
             for entry in comparisons
             if entry["metric"] == key and entry["typical_low"] is not None and entry["typical_high"] is not None
-        ][:_MOST_COMPARED]
+        ][:_MAX_COMPARED]
         if not entries:
             continue
         with add_panel(
@@ -353,7 +353,7 @@ def _draw_spread(axis: Axes, place: int, values: Array, look: dict[str, Any]) ->
             whiskerprops={"color": look["color"]},
             capprops={"color": look["color"]},
         )
-    if 0 < len(values) <= _MOST_DOTS:
+    if 0 < len(values) <= _MAX_DOTS:
         aside = np.linspace(-0.12, 0.12, len(values)) if len(values) > 1 else np.zeros(1)
         axis.plot(place + aside, values, **look | {"label": "_"}, linestyle="", alpha=0.7)
 

@@ -18,7 +18,7 @@ from ...support.arrays import Array
 from .by_setting import SCENE_SWEEP, TERRAIN_SWEEP, VariedSetting
 
 #: Most conditions with results.
-MOST_CONDITIONS = 40
+MAX_CONDITIONS = 40
 #: Effects of the settings that define a scene, apart from its light and camera.
 _OF_SCENE = ("geometry", "material")
 #: Values in the title of a pair, if no other pair has the same.
@@ -99,14 +99,14 @@ def join_by_scene(
 
 
 def list_conditions(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]]) -> list[Condition]:
-    """The conditions of sweeps whose levels have these names, at most ``MOST_CONDITIONS``."""
+    """The conditions of sweeps whose levels have these names, at most ``MAX_CONDITIONS``."""
     found = [
         Condition(name, level == n)
         for sweep, own in zip(sweeps, names, strict=True)
         for level in [sweep.levels()[2]]
         for n, name in enumerate(own)
     ]
-    return found[:MOST_CONDITIONS]
+    return found[:MAX_CONDITIONS]
 
 
 def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]], count: int) -> list[str]:

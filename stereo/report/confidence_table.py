@@ -14,8 +14,8 @@ from ..measure.confidence_metrics import (
     CONFIDENCE_METRICS,
     CONFIDENCE_SHARES,
     KEPT_COVERAGE,
+    MAX_BAD_SHARE,
     MEASURES,
-    MOST_BAD_SHARE,
     RIGHT_PX,
     add_calibration,
 )
@@ -34,10 +34,10 @@ CONFIDENCE_COLUMNS = (
     ),
     Column(
         "coverage_at_bad_2",
-        f"Coverage at bad-2 ≤ {100 * MOST_BAD_SHARE:g} %",
+        f"Coverage at bad-2 ≤ {100 * MAX_BAD_SHARE:g} %",
         "%",
         1,
-        f"largest share of the true pixels that a limit of the confidence keeps with at most {100 * MOST_BAD_SHARE:g} "
+        f"largest share of the true pixels that a limit of the confidence keeps with at most {100 * MAX_BAD_SHARE:g} "
         f"% of the kept ones off by more than {BAD_PX:g} px",
     ),
     Column(

@@ -31,15 +31,15 @@ from .confidence_table import CONFIDENCE_COLUMNS, list_confidence_rows
 from .page_templates import read_template
 from .phase_curves import compute_phase_curves
 from .pictures import (
-    MOST_IN_MATRIX,
-    MOST_PICTURES,
+    MAX_IN_MATRIX,
+    MAX_PICTURES,
     choose_typical_pairs,
     embed_left_image,
     embed_picture,
     make_picture_matrix,
 )
 from .summary import ResultTable
-from .sweep_charts import MOST_SWEEPS, draw_sweeps
+from .sweep_charts import MAX_SWEEPS, draw_sweeps
 from .table_columns import (
     COMPARED_COLUMNS,
     GUISS_COLUMNS,
@@ -57,9 +57,9 @@ from .table_columns import (
 )
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
-MOST_PAIRS = 24
+MAX_PAIRS = 24
 #: Most scenes that the head of the report names.
-_MOST_SCENES = 8
+_MAX_SCENES = 8
 _TEMPLATE_FOLDER = Path(__file__).parent
 #: Number of pictures of a pair, and of each method on it besides its confidence.
 _PICTURES_PER_PAIR, _PICTURES_PER_METHOD = 2, 3
@@ -135,7 +135,7 @@ def write_report(
         format_mean=format_mean,
         charts=draw_charts(report["summary"], table, compute_phase_curves(report["pairs"]), report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
-        other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
+        other_sweeps=[sweep.title for sweep in sweeps[MAX_SWEEPS:]],
         scenes=_list_scenes(sweeps, table),
         mixed=count_values(report["pairs"]),
         warned=count_sentences(report["pairs"], "warnings"),
@@ -163,10 +163,10 @@ def _list_scenes(sweeps: Sequence[VariedSetting], table: ResultTable) -> str:
     if not names:
         return ""
     grounds = len(np.unique(table.scenes[table.scenes >= 0]))
-    more = [f"{len(names) - _MOST_SCENES} more"] if len(names) > _MOST_SCENES else []
+    more = [f"{len(names) - _MAX_SCENES} more"] if len(names) > _MAX_SCENES else []
     presets = f" from {len(names)} presets" if grounds > len(names) else ""
     count = format_count(max(grounds, len(names)), "scene")
-    return f"{count}{presets}: {', '.join([*names[:_MOST_SCENES], *more])}"
+    return f"{count}{presets}: {', '.join([*names[:_MAX_SCENES], *more])}"
 
 
 def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
@@ -176,9 +176,9 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
     The worst pairs have the most wrong or missing pixels by any method that measured anything. Pairs that count in no
     average are the worst of all.
     """
-    room = MOST_PICTURES - MOST_IN_MATRIX
+    room = MAX_PICTURES - MAX_IN_MATRIX
     per_method = _PICTURES_PER_METHOD + table.confidence.is_known()
-    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + per_method * len(table.methods))))
+    most = max(2, min(MAX_PAIRS, room // (_PICTURES_PER_PAIR + per_method * len(table.methods))))
     if len(names) <= most:
         return list(names)
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]

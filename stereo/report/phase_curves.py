@@ -14,7 +14,7 @@ from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.arrays import Array
 
 #: Most laws that are drawn.
-MOST_LAWS = 6
+MAX_LAWS = 6
 #: Phase angles in degrees, densest near 0, where the opposition surge is.
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
@@ -30,7 +30,7 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
         for topic in scene_requirements.surface_topics(settings):
             surface, hapke = settings[topic], settings.hapke
             name = _make_law_name(surface, hapke)
-            if len(found) == MOST_LAWS:
+            if len(found) == MAX_LAWS:
                 return found
             if name and name not in found:
                 law = surface_law.make_law(surface, hapke)

@@ -18,9 +18,9 @@ from .summary import ResultTable
 from .table_columns import RANKING_METRIC
 
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
-MOST_PICTURES = 300
+MAX_PICTURES = 300
 #: Most pictures in the matrix of conditions and methods.
-MOST_IN_MATRIX = 96
+MAX_IN_MATRIX = 96
 _WIDTH_PX = 480
 _JPEG_QUALITY = 80
 
@@ -77,7 +77,7 @@ def choose_typical_pairs(table: ResultTable, conditions: Sequence[Condition]) ->
         for condition in conditions or [Condition("All pairs", np.ones(len(table.pairs), bool))]
         if (pair := find_typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None
     ]
-    return found[: max(1, MOST_IN_MATRIX // (1 + len(table.methods)))]
+    return found[: max(1, MAX_IN_MATRIX // (1 + len(table.methods)))]
 
 
 def make_picture_matrix(

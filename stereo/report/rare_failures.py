@@ -22,7 +22,7 @@ from .table_columns import RANKING_METRIC
 #: A rare failure has at least the first share of the error in at most the second share of the pairs.
 ERROR_SHARE, PAIR_SHARE = 1 / 3, 1 / 10
 #: Least excess of a method over the others in these pairs, as a share of its error there.
-_LEAST_EXCESS_SHARE = 1 / 2
+_MIN_EXCESS_SHARE = 1 / 2
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def find_rare_failures(table: ResultTable) -> list[RareFailure]:
         order = np.argsort(-excess, kind="stable")[: math.ceil(PAIR_SHARE * len(excess))]
         beyond = np.cumsum(excess[order])
         enough = np.flatnonzero(beyond >= ERROR_SHARE * own.sum())
-        if enough.size and own.any() and beyond[enough[0]] >= _LEAST_EXCESS_SHARE * own[order[: enough[0] + 1]].sum():
+        if enough.size and own.any() and beyond[enough[0]] >= _MIN_EXCESS_SHARE * own[order[: enough[0] + 1]].sum():
             failing = int(enough[0]) + 1
             found.append(
                 RareFailure(table.methods[k], failing, len(own), float(own[order[:failing]].sum() / own.sum()))

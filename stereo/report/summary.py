@@ -51,7 +51,7 @@ COMPARED = (
     ComparedMetric("seconds", ratio=True),
 )
 #: Least error or time in a comparison: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
-_LEAST_COMPARED = 1e-6
+_MIN_COMPARED = 1e-6
 _COLUMN_BY_NUMBER = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _PIXEL_COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
@@ -272,7 +272,7 @@ def _subtract_by_scene(table: ResultTable, a: int, b: int, metric: ComparedMetri
     both[np.isnan(both).any(axis=1) | ~(table.counts[a] & table.counts[b])] = np.nan
     means = average_by_scene(both, table.scenes)
     if metric.ratio:
-        means = np.maximum(means, _LEAST_COMPARED)
+        means = np.maximum(means, _MIN_COMPARED)
     return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 

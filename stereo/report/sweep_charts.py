@@ -40,15 +40,15 @@ from .varied_on_purpose import FactorLines, choose_lines
 #: Metrics that are drawn against varied settings, with factor and name.
 SWEPT_METRICS = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
 #: Maximum number of settings that are drawn.
-MOST_SWEEPS = 16
+MAX_SWEEPS = 16
 #: Maximum number of methods for charts with a line for each value of another setting: each method has separate charts.
-_MOST_SPLIT = 6
+_MAX_SPLIT = 6
 #: Maximum number of settings that are named as varying together with another one.
-_MOST_NAMED = 5
+_MAX_NAMED = 5
 #: Height of a chart in inches, and shares by which a method's colour is made lighter and darker for its lines.
 _HEIGHT_IN, _LIGHTER_SHARE, _DARKER_SHARE = 2.9, 0.55, 0.12
 #: Characters in a line of a tick's label, and most characters of the label.
-_TICK_LINE_CHARACTERS, _MOST_TICK_CHARACTERS = 14, 28
+_TICK_LINE_CHARACTERS, _MAX_TICK_CHARACTERS = 14, 28
 #: For a picture, which no page colours.
 ON_WHITE: dict[Any, Any] = {
     "axes.edgecolor": "#888888",
@@ -76,11 +76,11 @@ class SweepCharts:
 def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSetting]) -> list[SweepCharts]:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals.
 
-    ``sweeps`` are all settings that vary; the first ``MOST_SWEEPS`` are drawn.
+    ``sweeps`` are all settings that vary; the first ``MAX_SWEEPS`` are drawn.
     """
     drawn = []
     with matplotlib.rc_context(STYLE):
-        for sweep in sweeps[:MOST_SWEEPS]:
+        for sweep in sweeps[:MAX_SWEEPS]:
             lines = _choose_sweep_lines(sweep, sweeps, summary)
             rows = (
                 _draw_methods_apart(sweep, lines, summary, table)
@@ -99,7 +99,7 @@ def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSe
     They are for programs that show no HTML, such as Blender.
     """
     curves = {}
-    for sweep in sweeps[:MOST_SWEEPS]:
+    for sweep in sweeps[:MAX_SWEEPS]:
         topic, _, key = sweep.name.partition(".")
         if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
             continue  # of another version, whose names may be no names of files
@@ -132,7 +132,7 @@ def _choose_sweep_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting], s
     """The lines of a setting's charts, one for each value of another setting; None without such a setting or with too
     many methods.
     """
-    return choose_lines(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
+    return choose_lines(sweep, sweeps) if len(summary) <= _MAX_SPLIT else None
 
 
 def _draw_methods_together(sweep: VariedSetting, summary: Summary, table: ResultTable) -> list[str]:
@@ -179,7 +179,7 @@ def _make_caption(
             f"{joined if lines.factor.together else ''}."
         )
     if sweep.together:
-        named = list(sweep.together[:_MOST_NAMED])
+        named = list(sweep.together[:_MAX_NAMED])
         if more := len(sweep.together) - len(named):
             named.append(format_count(more, "more setting"))
         parts.append(
@@ -271,7 +271,7 @@ def _finish_axis(sweep: VariedSetting, axis: Axes, label: str, table: ResultTabl
 
 def _wrap_tick_label(name: str) -> str:
     """A name below an axis, in two lines if it is long."""
-    short = name if len(name) <= _MOST_TICK_CHARACTERS else f"{name[: _MOST_TICK_CHARACTERS - 1]}…"
+    short = name if len(name) <= _MAX_TICK_CHARACTERS else f"{name[: _MAX_TICK_CHARACTERS - 1]}…"
     space = short.rfind(" ", 0, _TICK_LINE_CHARACTERS + 1)
     return short if len(short) <= _TICK_LINE_CHARACTERS or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
 

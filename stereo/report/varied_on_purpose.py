@@ -11,10 +11,10 @@ from ...support.arrays import Array
 from .by_setting import POSE_SETTINGS, VariedSetting
 
 #: Most values of a setting with a line each, and the number of groups for settings with more values.
-MOST_LINES, _GROUP_COUNT = 6, 4
+MAX_LINES, _GROUP_COUNT = 6, 4
 #: Settings count as varied on purpose if at least this share of the combinations of two of them occurs, with at least
 #: this many pairs for each value of a setting. Values drawn at random are all different.
-_LEAST_CROSSED_SHARE, _LEAST_REPEATS = 0.9, 2
+_MIN_CROSSED_SHARE, _MIN_REPEATS = 0.9, 2
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class FactorLines:
 def choose_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting]) -> FactorLines | None:
     """The lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose with it.
 
-    None without such a setting. The poses of a camera and names beyond ``MOST_LINES`` make no lines.
+    None without such a setting. The poses of a camera and names beyond ``MAX_LINES`` make no lines.
     """
     if sweep.name in POSE_SETTINGS or not _is_repeated(sweep):
         return None
@@ -48,7 +48,7 @@ def _find_known(sweep: VariedSetting) -> Array:
 
 def _is_repeated(sweep: VariedSetting) -> bool:
     known = _find_known(sweep)
-    return int(known.sum()) >= _LEAST_REPEATS * len(np.unique(sweep.values[known]))
+    return int(known.sum()) >= _MIN_REPEATS * len(np.unique(sweep.values[known]))
 
 
 def _are_crossed(one: VariedSetting, other: VariedSetting) -> bool:
@@ -58,14 +58,14 @@ def _are_crossed(one: VariedSetting, other: VariedSetting) -> bool:
     if not known.any() or min(first.max(), second.max()) < 1:
         return False
     combinations = len(set(zip(first.tolist(), second.tolist(), strict=True)))
-    return combinations >= _LEAST_CROSSED_SHARE * (first.max() + 1) * (second.max() + 1)
+    return combinations >= _MIN_CROSSED_SHARE * (first.max() + 1) * (second.max() + 1)
 
 
 def _make_lines(factor: VariedSetting) -> FactorLines | None:
     known = _find_known(factor)
     values, level = np.unique(factor.values[known], return_inverse=True)
     of = np.full(len(factor.values), -1)
-    if len(values) <= MOST_LINES:
+    if len(values) <= MAX_LINES:
         of[known] = level
         return FactorLines(
             factor, [f"{value:g}" if factor.numeric else str(value) for value in values], of, grouped=False

@@ -22,7 +22,7 @@ from .design import CONVERGED, Hypothesis, Study
 from .view_measurements import LIGHTS, Cell
 
 #: Largest noise of the converged render, as a share of a change, for a claim on the change.
-_MOST_NOISE_SHARE = 0.1
+_MAX_NOISE_SHARE = 0.1
 _SEED = 0
 #: The verdicts on a hypothesis.
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
@@ -122,7 +122,7 @@ def _find_changes(
 
 
 def _describe_change(family: ComparisonFamily, k: int, noise: float, values: Array) -> dict[str, Any]:
-    typical, quiet = float(family.typical[k]), abs(noise) <= _MOST_NOISE_SHARE * abs(float(family.typical[k]))
+    typical, quiet = float(family.typical[k]), abs(noise) <= _MAX_NOISE_SHARE * abs(float(family.typical[k]))
     return {
         "grounds": int(family.scenes[k]),
         "typical": _round_or_none(typical),
@@ -178,7 +178,7 @@ def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, An
         verdict = HOLDS
     else:
         verdict = FAILS if high <= hypothesis.low or low >= hypothesis.high else OPEN
-    loud = abs(change["noise"] or 0.0) > _MOST_NOISE_SHARE * max(
+    loud = abs(change["noise"] or 0.0) > _MAX_NOISE_SHARE * max(
         (abs(bound) for bound in (hypothesis.low, hypothesis.high) if math.isfinite(bound) and bound),
         default=abs(change["typical"] or 0.0),
     )

@@ -79,11 +79,11 @@ class Cell:
         if tally is None:
             return float("nan")
         known, wrong = tally.sum(axis=0) if light is None else tally[LIGHTS.index(light)]
-        return float(wrong / known) if known >= _LEAST_SHARE * tally[:, 0].sum() else float("nan")
+        return float(wrong / known) if known >= _MIN_SHARE * tally[:, 0].sum() else float("nan")
 
 
 #: Least share of the image that a light needs for a separate error.
-_LEAST_SHARE = 0.05
+_MIN_SHARE = 0.05
 
 
 def read_or_measure_cell(study: Study, view: StudyView, out: Path, methods: Sequence[Method]) -> Cell | None:

@@ -17,11 +17,11 @@ TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
 #: Tolerances of extra pixels that are wrong or missing, as a share, for a matcher that range points help.
 _MORE_WRONG_SHARES = (0.0, 0.005, 0.01, 0.02)
 #: Largest change of the light, as a share, that counts as none, and that advice for matchers allows.
-_UNCHANGED_LIGHT_SHARE, _MOST_LIGHT_CHANGE_SHARE = 0.002, 0.01
+_UNCHANGED_LIGHT_SHARE, _MAX_LIGHT_CHANGE_SHARE = 0.002, 0.01
 #: Share of the pixels that a matcher may lose without a note.
 _UNREPORTED_LOSS_SHARE = 0.01
 #: Share of the time that a cheaper variant must save, since processor seconds vary by some per cent.
-_LEAST_SAVED_SHARE = 0.05
+_MIN_SAVED_SHARE = 0.05
 
 Row = Mapping[str, Any]
 
@@ -166,7 +166,7 @@ def _find_time_margin(rows: Sequence[Row]) -> float:
         if row["cpu_range"] and row["cpu_range"][0] > 0
     ]
     repeated = any(row["cpu_range"] and row["cpu_range"][1] > row["cpu_range"][0] for row in rows)
-    return max(_LEAST_SAVED_SHARE, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _LEAST_SAVED_SHARE
+    return max(_MIN_SAVED_SHARE, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _MIN_SAVED_SHARE
 
 
 def _format_perhaps(row: Row, methods: Sequence[str]) -> str:
@@ -234,7 +234,7 @@ def _find_cheapest(rows: Sequence[Row], margin: float) -> Row | None:
 
 def _shows_this_scene(row: Row) -> bool:
     """Whether a variant keeps the shape and the light of this scene."""
-    return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _MOST_LIGHT_CHANGE_SHARE
+    return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _MAX_LIGHT_CHANGE_SHARE
 
 
 def format_loss(row: Row, method: str) -> str:
@@ -275,7 +275,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
         same = [
             row
             for row in own
-            if abs(row["bias"]) <= max(_UNCHANGED_LIGHT_SHARE, min(row["bias_doubt"] or 0.0, _MOST_LIGHT_CHANGE_SHARE))
+            if abs(row["bias"]) <= max(_UNCHANGED_LIGHT_SHARE, min(row["bias_doubt"] or 0.0, _MAX_LIGHT_CHANGE_SHARE))
             and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
             and (group in SHAPES or not any(_is_worse(row, scene, method) for method in methods))
         ]

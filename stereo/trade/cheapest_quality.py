@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from .quality_losses import Reference
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
-_MOST_RENDERS = 4
+_MAX_RENDERS = 4
 #: Largest change of the mean radiance when a part is left out, and least share of the time that this must save.
-_MOST_LIGHT_CHANGE_SHARE, _LEAST_SAVED_SHARE = 0.01, 0.05
+_MAX_LIGHT_CHANGE_SHARE, _MIN_SAVED_SHARE = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
 
 
 def _is_leaner(found: Mapping[str, Any], cost_s: float) -> bool:
     """Whether a candidate without a part of the light saves time and keeps the radiance."""
-    saves = found["cpu_s"] < (1 - _LEAST_SAVED_SHARE) * cost_s
-    return bool(saves and abs(found["bias"]) <= _MOST_LIGHT_CHANGE_SHARE)
+    saves = found["cpu_s"] < (1 - _MIN_SAVED_SHARE) * cost_s
+    return bool(saves and abs(found["bias"]) <= _MAX_LIGHT_CHANGE_SHARE)
 
 
 def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, Any]:
@@ -103,13 +103,13 @@ class _QualitySearch:
         from .quality_losses import measure_variant
 
         folders: list[Path] = []
-        for count in range(1, _MOST_RENDERS + 1):
+        for count in range(1, _MAX_RENDERS + 1):
             self.counter.total += count > 1
             folders += render_once(variant, count - 1, self.bench, self.counter)
             found = measure_variant(folders, self.truth, self.methods, self.bench.images)
             verdict = self._judge_losses(found, 1.0)
             # At best, noise falls with the square root of the number of renders.
-            if verdict is not None or self._judge_losses(found, (count / _MOST_RENDERS) ** 0.5) is None:
+            if verdict is not None or self._judge_losses(found, (count / _MAX_RENDERS) ** 0.5) is None:
                 break
         self.tried.append(
             {

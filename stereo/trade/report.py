@@ -38,7 +38,7 @@ from .advice import (
     make_variant_advice,
 )
 from .quality_losses import STEREO_KEYS, find_number, find_plain_methods
-from .same_decisions import MOST_REGRET, RULE
+from .same_decisions import MAX_REGRET, RULE
 
 FORMAT = "icymoon-trade"
 VERSION = 3
@@ -58,7 +58,7 @@ DECISION_COLUMNS = (
     Column("otherwise", "otherwise", "%", 1, "share of the cells in reach that are decided otherwise"),
     Column("unsafe", "unsafe", "%", 1, "more unsafe cells taken for safe, as a share of all"),
     Column("shift_m", "site", "m", 2, "distance of the chosen site from that on the reference"),
-    Column("regret", "regret", "", 2, f"how much larger its regret is; {MOST_REGRET:g} is allowed"),
+    Column("regret", "regret", "", 2, f"how much larger its regret is; {MAX_REGRET:g} is allowed"),
 )
 #: The verdict on the decisions of a matcher, by whether they are the same.
 SAME_VERDICTS = {True: "same", False: "other", None: "open"}

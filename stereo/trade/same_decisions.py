@@ -29,11 +29,11 @@ from ..measure.row_metrics import disparity_to_depth
 #: Limits within which decisions count as the same, doubts included: the share of the cells in reach that are decided
 #: differently, the change of the share of unsafe cells that are taken for safe, and the additional regret of the chosen
 #: site. They are assumptions: a twentieth of the map, a hundredth that endangers, a tenth of a margin.
-MOST_OTHERWISE_SHARE, MOST_UNSAFE_SHARE, MOST_REGRET = 0.05, 0.01, 0.1
+MAX_OTHERWISE_SHARE, MAX_UNSAFE_SHARE, MAX_REGRET = 0.05, 0.01, 0.1
 RULE = (
-    f"Decisions are the same if at most {100 * MOST_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "
-    f"the unsafe ones taken for safe differ by at most {100 * MOST_UNSAFE_SHARE:g} % of the cells, both with their "
-    f"doubts, and the chosen site's regret is at most {MOST_REGRET:g} larger."
+    f"Decisions are the same if at most {100 * MAX_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "
+    f"the unsafe ones taken for safe differ by at most {100 * MAX_UNSAFE_SHARE:g} % of the cells, both with their "
+    f"doubts, and the chosen site's regret is at most {MAX_REGRET:g} larger."
 )
 
 
@@ -94,8 +94,8 @@ class DecisionReference:
         return result | {
             "same": combine_verdicts(
                 (
-                    _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE_SHARE),
-                    _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE_SHARE),
+                    _is_within(result["otherwise"], result["otherwise_doubt"], MAX_OTHERWISE_SHARE),
+                    _is_within(result["unsafe"], result["unsafe_doubt"], MAX_UNSAFE_SHARE),
                     result.pop("as_good"),
                 )
             )
@@ -119,7 +119,7 @@ class DecisionReference:
         if first["regret"] is None:  # no site is safe, so every choice is as wrong
             return {"shift_m": float(shift), "regret": None, "as_good": True}
         regret = float(np.mean([each["regret"] - first["regret"] for each in others]))
-        return {"shift_m": float(shift), "regret": regret, "as_good": regret <= MOST_REGRET}
+        return {"shift_m": float(shift), "regret": regret, "as_good": regret <= MAX_REGRET}
 
 
 def _compute_shares(total: Array) -> Array:

@@ -22,7 +22,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import read_checksum, to_json_text, write_json
-from ...support.foreign_bytes import MOST_BYTES
+from ...support.foreign_bytes import MAX_BYTES
 from ..images.colours import VIRIDIS, Scale, draw_depth
 from ..images.develop import develop
 from ..images.disparity_and_occlusion import find_scene_depth
@@ -154,7 +154,7 @@ def _make_content_key(
 ) -> str:
     """A hash of everything that determines the numbers of a pair."""
     stated = [
-        [read_checksum(path, MOST_BYTES) for path in photographs.files],
+        [read_checksum(path, MAX_BYTES) for path in photographs.files],
         photographs.depth is not None,
         twin.name,
         settings,

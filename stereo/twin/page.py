@@ -24,7 +24,7 @@ from .summary import SummaryRow, make_csv
 
 PAGE, TABLE = "twin.html", "twin.csv"
 #: Most pairs whose pictures the page contains, and most pairs whose curves are drawn beside the means.
-_MOST_SHOWN, _MOST_CURVES = 6, 40
+_MAX_SHOWN, _MAX_CURVES = 6, 40
 _SIDE_TITLES = {"photograph": "Photograph", "twin": "Twin"}
 
 
@@ -66,7 +66,7 @@ def write_page(
 
 def _choose_shown(count: int) -> list[int]:
     """The indices of the pairs to show: all, or at equal steps."""
-    return sorted({round(k) for k in np.linspace(0, count - 1, min(count, _MOST_SHOWN))})
+    return sorted({round(k) for k in np.linspace(0, count - 1, min(count, _MAX_SHOWN))})
 
 
 def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods: Sequence[Method]) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
                     if not drawn.size:
                         continue
                     drawn = np.where(drawn > 0, drawn, np.nan) if key == "power" else 100 * drawn
-                    for line in drawn[:_MOST_CURVES] if len(drawn) > 1 else ():
+                    for line in drawn[:_MAX_CURVES] if len(drawn) > 1 else ():
                         axis.plot(places, line, color=METHOD_COLOURS[k], linewidth=0.6, alpha=0.35)
                     axis.plot(
                         places, _average(key, drawn), color=METHOD_COLOURS[k], label=html.escape(_SIDE_TITLES[side])

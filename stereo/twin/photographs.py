@@ -27,7 +27,7 @@ LOSSY_SUFFIXES = (".jpg", ".jpeg", ".webp")
 #: Largest shift, px, of a rectified image's pixels from the photograph's at which its numbers are copied.
 _SAME_PX = 0.01
 #: A median disparity below this comes from depths in millimetres, px.
-_LEAST_DISPARITY_PX = 0.5
+_MIN_DISPARITY_PX = 0.5
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Rectification:
         disparity = self.camera.disparity(depth)
         if np.isnan(disparity).all():
             raise IcyMoonError(f"{path} has no depth above 0 in the image; give planar depths in metres.")
-        if np.nanmedian(disparity) < _LEAST_DISPARITY_PX:
+        if np.nanmedian(disparity) < _MIN_DISPARITY_PX:
             raise IcyMoonError(
                 f"{path} has a median depth of {np.nanmedian(depth):.4g} m, at which the eyes see points "
                 f"{np.nanmedian(disparity):.2g} px apart; if it is in millimetres, divide it by 1000."

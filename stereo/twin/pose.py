@@ -13,7 +13,7 @@ from ...support.errors import IcyMoonError
 
 #: Most points of a fit, rounds of the fit, and the share of the points nearest to the plane that count in the next
 #: round.
-_MOST_POINTS, _FIT_ROUNDS, _KEPT_SHARE = 20_000, 8, 0.8
+_MAX_POINTS, _FIT_ROUNDS, _KEPT_SHARE = 20_000, 8, 0.8
 #: Pitch from which on a roll is a turn about the vertical, which a plane does not show.
 _STRAIGHT_DOWN_DEG = 89.0
 #: Fewest points for a plane.
@@ -43,7 +43,7 @@ def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
         raise IcyMoonError(
             f"The true depth has {len(row)} points, and a plane needs {_FEWEST_POINTS}; give a denser map."
         )
-    step = max(1, len(row) // _MOST_POINTS)
+    step = max(1, len(row) // _MAX_POINTS)
     row, column = row[::step], column[::step]
     z = depth[row, column]
     points = np.stack(

@@ -336,13 +336,11 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
     (place / "many.toml").write_text(PLAN)
     many = plan_file.read_plan(place / "many.toml")
     assert len(many.pairs()) == 1000
-    assert len(set(looked)) == combine.MOST_CHECKED_GROUNDS
+    assert len(set(looked)) == combine.MAX_CHECKED_GROUNDS
     seeds = [pair.settings.dataset.seed for pair in many.pairs()]
     assert np.ptp([seeds.index(seed) for seed in looked]) > 900  # from the first to the last
     found = many.describe_unchecked()
-    assert (
-        f"{combine.MOST_CHECKED_GROUNDS} grounds were checked, {1000 - combine.MOST_CHECKED_GROUNDS} were not" in found
-    )
+    assert f"{combine.MAX_CHECKED_GROUNDS} grounds were checked, {1000 - combine.MAX_CHECKED_GROUNDS} were not" in found
     (place / "few.toml").write_text(PLAN.replace("1000", "3"))
     assert plan_file.read_plan(place / "few.toml").describe_unchecked() == ""
 

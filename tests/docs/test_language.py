@@ -131,7 +131,7 @@ _ROUNDABOUT = re.compile(
     r"|\bof its own\b|\bof (which|whom)\b|\bso (many|much|often)\b"
 )
 #: Some of them are the plainest English there is.
-_MOST_ROUNDABOUT = 0.015
+_MAX_ROUNDABOUT = 0.015
 
 
 def _docstrings_and_comments() -> Iterator[tuple[str, str]]:
@@ -157,7 +157,7 @@ def test_docstrings_and_comments_name_the_thing():
         if (turn := _ROUNDABOUT.search(text))
     ]
     assert len(texts) > 1000
-    assert len(found) <= _MOST_ROUNDABOUT * len(texts), "\n".join(found)
+    assert len(found) <= _MAX_ROUNDABOUT * len(texts), "\n".join(found)
 
 
 @pytest.mark.parametrize("page", sorted(manual.written()))

@@ -13,7 +13,7 @@ from icymoon.stereo import cli
 
 PAGE = "docs/howto/own-matcher.md"
 CODE = [block.code for block in manual.blocks() if block.page == PAGE and block.language in ("python", "sh")]
-MOST_LINES = 15
+MAX_LINES = 15
 
 
 def after(words: str) -> int:
@@ -41,7 +41,7 @@ def test_a_program_of_the_manual_gets_its_row(file, program, command, name, tmp_
     pairs.write_pair(tmp_path / "DATASET" / "pairs" / "one", rig=pairs.camera(320, 180))
     text, words = CODE[after(program)], shlex.split(CODE[after(command)])
     lines = [line for line in text.splitlines() if line.strip()]
-    assert len(lines) + 1 <= MOST_LINES  # with the command
+    assert len(lines) + 1 <= MAX_LINES  # with the command
     (tmp_path / file).write_text(text + "\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     put_python_on_path(tmp_path / "bin", monkeypatch)

@@ -373,7 +373,7 @@ def parse(foreign):
     tiff.grant_memory(foreign)
     image = tiff.read_directories(foreign)[0]
     return tiff.read_pixels(foreign, image, (range(4100, 4103), range(4090, 4099)))[0]
-print(read(Path({str(path)!r}), parse, "a TIFF file", "make it again", tiff.MOST_BYTES).tolist())
+print(read(Path({str(path)!r}), parse, "a TIFF file", "make it again", tiff.MAX_BYTES).tolist())
 """)
     found = np.array(eval(ended))
     assert np.array_equal(found[:, :6], np.zeros((3, 6)))

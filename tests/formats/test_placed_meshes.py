@@ -100,7 +100,7 @@ def test_numbers_are_exact_to_single_precision(suffix, tmp_path):
 
 
 def test_more_than_gltf_holds_is_refused(meshes, tmp_path, monkeypatch):
-    monkeypatch.setattr(placed_meshes, "_MOST_GLTF_BYTES", 1000)
+    monkeypatch.setattr(placed_meshes, "_MAX_GLTF_BYTES", 1000)
     with pytest.raises(IcyMoonError, match="export usd"):
         write_gltf(tmp_path / "a.glb", meshes, "")
     assert not list(tmp_path.iterdir())

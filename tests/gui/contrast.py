@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 Pixels = npt.NDArray[Any]
 #: Largest difference of a channel from the background that is not text, of 255.
-_LEAST_STEP = 24
+_MIN_STEP = 24
 #: Columns without text that end a word; rows of the smallest and of the largest letters.
 _GAP_PX, _LETTER_PX = 9, (4, 18)
 #: Share of a word's pixels that are taken for its ink: thin strokes mix with the background.
@@ -38,7 +38,7 @@ def measure_words(picture: Pixels) -> list[Word]:
     flat = picture[..., :3].reshape(-1, 3)
     colours, counts = np.unique(flat, axis=0, return_counts=True)
     background = colours[counts.argmax()].astype(int)
-    differs = np.abs(picture[..., :3].astype(int) - background).max(axis=-1) > _LEAST_STEP
+    differs = np.abs(picture[..., :3].astype(int) - background).max(axis=-1) > _MIN_STEP
     light, paper = find_luminance(picture), float(find_luminance(background.astype(np.uint8)))
     words = []
     for top, bottom in _find_runs(differs.any(axis=1), 1):

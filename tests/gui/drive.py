@@ -1077,7 +1077,7 @@ def painted_errors() -> Waiting:
 
 THEMES = ("Blender_Light.xml", "Blender_Dark.xml")
 #: WCAG's least contrast of text.
-LEAST_CONTRAST = 4.5
+MIN_CONTRAST = 4.5
 
 
 def metrics_can_be_read() -> Waiting:
@@ -1099,7 +1099,7 @@ def metrics_can_be_read() -> Waiting:
         words = measure_words(picture[lowest : lowest + int(5.5 * row), left:right][::-1])
         check(len(words) >= 8, f"{len(words)} words are found in the metrics")
         least = min(word.ratio for word in words)
-        check(least >= LEAST_CONTRAST, f"{theme}: a metric has a contrast of {least:.2f}")
+        check(least >= MIN_CONTRAST, f"{theme}: a metric has a contrast of {least:.2f}")
         noted.append(f"{Path(theme).stem} {least:.1f}")
     return "least contrast " + ", ".join(noted)
 

@@ -21,7 +21,7 @@ TICK_S = 0.1
 #: After which anything is taken for stuck. No measure of speed.
 PATIENCE_S = 150.0
 #: The most that one turn of the event loop counts for: without a graphics card a busy machine takes seconds for one.
-MOST_TURN_S = 1.0
+MAX_TURN_S = 1.0
 ADD_ON = "bl_ext.user_default.icymoon"
 F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
 #: What takes a while: it yields how long to wait, and may return a note on what came of it.
@@ -106,7 +106,7 @@ def until(done: Callable[[], object], what: str) -> Waiting:
         check(waited_s < PATIENCE_S, f"{what} took more than {PATIENCE_S:.0f} s")
         yield TICK_S
         now = time.monotonic()
-        waited_s, since = waited_s + min(now - since, MOST_TURN_S), now
+        waited_s, since = waited_s + min(now - since, MAX_TURN_S), now
 
 
 def point(x: float, y: float) -> None:

@@ -129,7 +129,7 @@ def test_an_object_without_a_surface_is_refused_and_changes_nothing(scene, verti
 
 def test_too_many_triangles_are_refused(scene, monkeypatch):
     add_grid()
-    monkeypatch.setattr(object_mesh, "MOST_TRIANGLES", 3)
+    monkeypatch.setattr(object_mesh, "MAX_TRIANGLES", 3)
     with pytest.raises(RuntimeError, match="has more than 3 triangles"):
         bpy.ops.icymoon.object_as_ground()
 

@@ -57,8 +57,8 @@ def watched(scene, monkeypatch, tmp_path):
         ),
     )
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
-    monkeypatch.setattr(preview, "MOST_VERTICES", 1200)
-    monkeypatch.setattr(preview, "MOST_ROCKS", 20)
+    monkeypatch.setattr(preview, "MAX_VERTICES", 1200)
+    monkeypatch.setattr(preview, "MAX_ROCKS", 20)
     yield scene
     refine_ground.unregister()
     refine_ground.register()
@@ -99,8 +99,8 @@ def test_faint_planetshine_is_in_no_view_of_it():
 @pytest.mark.long
 def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):
     built = choose(ROCKS)
-    assert len(built.terrain.data.vertices) <= 1.5 * preview.MOST_VERTICES
-    assert built.rock_count == preview.MOST_ROCKS
+    assert len(built.terrain.data.vertices) <= 1.5 * preview.MAX_VERTICES
+    assert built.rock_count == preview.MAX_ROCKS
     assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
     assert built.settings.light == settings().light
     assert live_preview.list_lines(watched) == [refine_ground.NOTE]
@@ -111,7 +111,7 @@ def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watch
     assert watched.view_settings.exposure == exposure
     assert not preview.has_coarse_ground(watched)
     assert built.terrain == terrain  # what refers to it stays valid
-    assert len(terrain.data.vertices) > 3 * preview.MOST_VERTICES
+    assert len(terrain.data.vertices) > 3 * preview.MAX_VERTICES
     assert " ".join(live_preview.list_lines(watched)).startswith("Rocks under 0.356 m are left out to keep to 60 rocks")
     assert is_as_built_at_once(built)
 
@@ -258,7 +258,7 @@ def built_elsewhere(small, monkeypatch, tmp_path):
     taking it over."""
     small.icymoon.rocks.coverage = 0.05
     monkeypatch.setattr(work_in_pieces, "_BUDGET_S", -1.0)
-    monkeypatch.setattr(preview, "MOST_VERTICES", 400)
+    monkeypatch.setattr(preview, "MAX_VERTICES", 400)
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
     fine = tmp_path / "fine.blend"
     monkeypatch.setattr(refine_ground, "start_building", lambda settings: build_beside(settings, fine))

@@ -98,7 +98,7 @@ def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, starte
     job, _ = started(bpy.context)
     job.clean_up()
     built = scenes.find_built(small)
-    assert len(built.terrain.data.vertices) <= preview.MOST_VERTICES
+    assert len(built.terrain.data.vertices) <= preview.MAX_VERTICES
     assert preview.find_preview_of(small, read_settings())
     monkeypatch.setattr(render.preview, "build_coarse", None)  # the coarse ground is not made once more
     job, _ = started(bpy.context)

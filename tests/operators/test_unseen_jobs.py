@@ -102,7 +102,7 @@ def let_turn(count: int) -> float | None:
 
 def test_a_job_without_events_is_looked_at_by_a_timer_and_ends(told):
     operator = Operator(looks=3)
-    assert let_turn(unseen_jobs.MOST_TURNS - 1) == unseen_jobs.INTERVAL_S
+    assert let_turn(unseen_jobs.MAX_TURNS - 1) == unseen_jobs.INTERVAL_S
     assert (operator.process.looks, session.job) == (3, operator._job)  # it may still be seen
     assert let_turn(5) is None
     assert (operator.succeeded, operator.cleaned, session.job, told) == (1, [True], None, [])
@@ -177,7 +177,7 @@ def test_the_sidebar_tells_how_a_job_has_ended(told, context, monkeypatch):
 def test_a_job_with_events_is_left_to_its_operator(told, context):
     operator = Operator()
     for _ in range(4):
-        let_turn(unseen_jobs.MOST_TURNS - 1)
+        let_turn(unseen_jobs.MAX_TURNS - 1)
         assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
     assert operator.process.looks == 10**6 - 4  # those of its events
 
@@ -185,7 +185,7 @@ def test_a_job_with_events_is_left_to_its_operator(told, context):
 def test_the_job_of_a_freed_operator_is_closed_with_a_sentence(told):
     operator = Operator()
     operator.is_freed = True
-    assert let_turn(unseen_jobs.MOST_TURNS) == unseen_jobs.INTERVAL_S
+    assert let_turn(unseen_jobs.MAX_TURNS) == unseen_jobs.INTERVAL_S
     assert let_turn(1) is None
     assert told == ["Try was stopped, because its window is gone; what was finished is kept."]
     assert (operator.cleaned, operator.process.stops, session.job) == ([True], 1, None)

@@ -111,7 +111,7 @@ def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, tmp_path, monkey
 
 def test_the_pictures_of_many_ends_are_not_all_kept(varied):
     picture = np.zeros((3, 4, 3), np.uint8)
-    for k in range(variation_pictures._MOST_SCENES + 1):
+    for k in range(variation_pictures._MAX_SCENES + 1):
         variation_pictures._keep_pictures(str(k), [picture, picture])
-    assert 1 <= len(variation_pictures._made) <= variation_pictures._MOST_SCENES
+    assert 1 <= len(variation_pictures._made) <= variation_pictures._MAX_SCENES
     assert len(variation_pictures._pictures.collection) == 2 * len(variation_pictures._made)

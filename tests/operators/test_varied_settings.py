@@ -383,7 +383,7 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
 def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
     found = [int(name) for name in last_variations.choose_spread([str(k) for k in range(count)])]
     assert (found[0], found[-1]) == (0, count - 1)
-    assert found == shown if shown else len(set(found)) == len(found) == last_variations.MOST_PICTURES
+    assert found == shown if shown else len(set(found)) == len(found) == last_variations.MAX_PICTURES
 
 
 def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):

@@ -70,11 +70,11 @@ def test_a_longer_text_finds_no_more():
 def test_the_best_are_drawn_and_the_rest_is_counted(scene):
     record = draw("the")
     found, buttons = find_settings("the"), sidebar_buttons.find_buttons("the")
-    assert len(found) > find_setting.MOST_FOUND
-    assert len(buttons) > find_setting.MOST_BUTTONS
+    assert len(found) > find_setting.MAX_FOUND
+    assert len(buttons) > find_setting.MAX_BUTTONS
     shown = sum(entry[0] == "separator" for entry in record)
-    assert shown == find_setting.MOST_FOUND + find_setting.MOST_BUTTONS
-    assert f"{len(found) - find_setting.MOST_FOUND + len(buttons) - find_setting.MOST_BUTTONS} more" in texts(record)
+    assert shown == find_setting.MAX_FOUND + find_setting.MAX_BUTTONS
+    assert f"{len(found) - find_setting.MAX_FOUND + len(buttons) - find_setting.MAX_BUTTONS} more" in texts(record)
 
 
 def test_fields_are_the_live_properties_with_their_panel(scene):

@@ -125,7 +125,7 @@ CHOICES = (
 
 
 #: Fields that a panel shows at most.
-MOST_FIELDS = 10
+MAX_FIELDS = 10
 
 
 def set_choices(root: object, chosen: dict) -> None:
@@ -163,7 +163,7 @@ def test_no_panel_that_is_shown_is_empty(scene, chosen):
     assert [cls.bl_idname for cls, record in shown.items() if not record] == []
     counts = {cls.bl_idname: sum(entry[0] == "prop" for entry in record) for cls, record in shown.items()}
     switches = {cls.bl_idname: "draw_header" in vars(cls) for cls in shown}
-    assert {name for name, count in counts.items() if count > MOST_FIELDS + switches[name]} == set()
+    assert {name for name, count in counts.items() if count > MAX_FIELDS + switches[name]} == set()
 
 
 def test_no_panel_has_more_than_ten_fields_with_any_preset():
@@ -176,7 +176,7 @@ def test_no_panel_has_more_than_ten_fields_with_any_preset():
             for section in (None, *topic.sections)
             for keys in [topic.main_keys if section is None else topic.keys_in(section)]
         }
-        assert {part: count for part, count in counts.items() if count > MOST_FIELDS} == {}, name
+        assert {part: count for part, count in counts.items() if count > MAX_FIELDS} == {}, name
 
 
 def test_every_setting_is_drawn_where_it_has_a_meaning(scene):

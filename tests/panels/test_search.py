@@ -60,7 +60,7 @@ SOUGHT = {
     "point cloud": "icymoon.show_surface",
 }
 #: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.
-MOST_ROWS = 36
+MAX_ROWS = 36
 #: Commands that need what is selected in a list or under the mouse, and those of the page of preferences.
 IN_PANELS_ONLY = {
     "icymoon.lamp_add",
@@ -123,7 +123,7 @@ def found_by(typed: str, found: list[tuple[str, str]]) -> set[str]:
 
 def test_every_menu_fits_the_screen(scene):
     menus: list[Any] = [cls for cls in menu.CLASSES if issubclass(cls, bpy.types.Menu)]
-    assert {cls.bl_idname: len(drawn(cls)) for cls in menus if len(drawn(cls)) > MOST_ROWS} == {}
+    assert {cls.bl_idname: len(drawn(cls)) for cls in menus if len(drawn(cls)) > MAX_ROWS} == {}
 
 
 @pytest.mark.ci_takes(12)

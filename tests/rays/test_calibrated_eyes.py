@@ -14,7 +14,7 @@ from icymoon.rays.surface import find_surface
 LIBRARY = load_library()
 pytestmark = pytest.mark.skipif(LIBRARY is None, reason="there is no Embree; pip install embreex")
 #: What the truth of one eye may be off in the other's image, px; it is stored in single precision, which is 1e-5 px.
-MOST_PX = 1e-4
+MAX_PX = 1e-4
 NEAR, FAR = 1e-4, 1e6
 
 
@@ -101,8 +101,8 @@ def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name
         inside = ((there >= 0) & (there <= np.array(other.size_px) - 1)).all(axis=-1)
         assert inside.mean() > 0.6
         back = look(scene, TURN, other.centre_m, other.unproject(there[inside]) @ other.rotation)
-        assert np.abs(own.project(back) - pixels[inside]).max() < MOST_PX
-        assert np.abs(other.project(back) - there[inside]).max() < MOST_PX
+        assert np.abs(own.project(back) - pixels[inside]).max() < MAX_PX
+        assert np.abs(other.project(back) - there[inside]).max() < MAX_PX
 
 
 @pytest.mark.parametrize("name", HEADS)
@@ -123,15 +123,15 @@ def test_a_point_of_one_eye_is_where_the_other_and_the_rectified_pair_have_it(na
         assert inside.mean() > 0.6
         # The other eye looks at its own subpixel, and sees the point that this one saw.
         back = look(scene, TURN, other.centre_m, other.unproject(there[inside]) @ other.rotation)
-        assert np.abs(own.project(back) - pixels[inside]).max() < MOST_PX
-        assert np.abs(other.project(back) - there[inside]).max() < MOST_PX
+        assert np.abs(own.project(back) - pixels[inside]).max() < MAX_PX
+        assert np.abs(other.project(back) - there[inside]).max() < MAX_PX
         # So does the rectified pair, with the same row in both eyes.
         for origin in (np.zeros(3), np.array([camera.baseline_m, 0.0, 0.0])):
             away = points - origin
             rectified = look(scene, TURN, origin, away / away[:, 2:])
-            assert np.abs(own.project(rectified) - pixels).max() < MOST_PX
+            assert np.abs(own.project(rectified) - pixels).max() < MAX_PX
             moved = (rectified - points)[:, :2] * camera.focal_px / points[:, 2:]
-            assert np.abs(moved).max() < MOST_PX
+            assert np.abs(moved).max() < MAX_PX
 
 
 @pytest.mark.parametrize("name", HEADS)
@@ -160,7 +160,7 @@ def test_rectified_truth_is_found_again_on_the_sensors(name):
             inverse[row + 1, column] * (1 - x) + inverse[row + 1, column + 1] * x
         ) * y
         off = camera.focal_baseline_px_m * (here - 1 / points[inside][:, 2])
-        assert np.abs(off).max() < MOST_PX
+        assert np.abs(off).max() < MAX_PX
 
 
 @pytest.mark.parametrize("name", HEADS)

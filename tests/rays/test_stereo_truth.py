@@ -8,7 +8,7 @@ from icymoon.physics.camera.rolling_shutter import RollingShutter
 from icymoon.rays import stereo_truth
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, Shape, World
-from icymoon.rays.stereo_truth import LEAST_GAP_PX, Eye, Stage, trace_eyes
+from icymoon.rays.stereo_truth import MIN_GAP_PX, Eye, Stage, trace_eyes
 
 LIBRARY = load_library()
 pytestmark = pytest.mark.skipif(LIBRARY is None, reason="there is no Embree; pip install embreex")
@@ -85,7 +85,7 @@ def test_what_a_wall_hides_is_what_the_formula_says(parts, monkeypatch):
         assert np.array_equal(found[name].hidden, hidden)
 
 
-@pytest.mark.parametrize(("nearer_px", "hides"), [(0.9 * LEAST_GAP_PX, False), (1.1 * LEAST_GAP_PX, True)])
+@pytest.mark.parametrize(("nearer_px", "hides"), [(0.9 * MIN_GAP_PX, False), (1.1 * MIN_GAP_PX, True)])
 def test_what_is_hardly_nearer_hides_nothing(nearer_px, hides):
     disparity = FOCAL * BASELINE / 10
     front = FOCAL * BASELINE / (disparity + nearer_px)

@@ -81,9 +81,9 @@ def test_rays_from_many_places_and_more_than_are_traced_at_a_time(make, monkeypa
     origin = np.random.default_rng(3).uniform(-0.5, 0.5, (1000, 3))
     tracer = make(world)
     whole = tracer.intersect(origin, direction, 0.0, np.inf)
-    monkeypatch.setattr(embree, "_MOST_PACKETS", 3)
+    monkeypatch.setattr(embree, "_MAX_PACKETS", 3)
     if tracer.name == "BVHTree":
-        monkeypatch.setattr(sys.modules[type(tracer).__module__], "_MOST_RAYS", 48)
+        monkeypatch.setattr(sys.modules[type(tracer).__module__], "_MAX_RAYS", 48)
     parts = tracer.intersect(origin, direction, 0.0, np.inf)
     for name in ("along", "place", "triangle"):
         assert np.array_equal(getattr(whole, name), getattr(parts, name))

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 #: Random descriptions that every run tries, and those of a slow one.
 FEW, MANY = 8, 40  # a description takes ten seconds of two processors
 #: Share of the random descriptions that may be refused, so that the others still show something.
-MOST_REFUSED = 0.5
+MAX_REFUSED = 0.5
 GRID, GRADED = {"mesh": {"kind": "GRID"}}, {"mesh": {"kind": "GRADED"}}
 FLAT = {"terrain": {"rms_slope_deg": 0.0}, "surface": {"grain_amplitude_m": 0.0}}
 ZENITH = {"light": {"sun_elevation_deg": 90.0}, "rig": {"pitch_deg": 90.0}}
@@ -62,7 +62,7 @@ def refused(settings, folder):
 
 def some(seeds, folder):
     without = [seed for seed in seeds if refused(complete(drawn(seed)), folder / str(seed))]
-    assert len(without) <= MOST_REFUSED * len(seeds), without
+    assert len(without) <= MAX_REFUSED * len(seeds), without
 
 
 @pytest.mark.long

@@ -166,7 +166,7 @@ def test_a_processor_compiles_nothing(monkeypatch, tmp_path):
 
 def test_a_worker_that_hangs_becomes_silent(monkeypatch):
     monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
-    monkeypatch.setattr(first_use_of_card, "_MOST_COMPILING_S", 0.0)
+    monkeypatch.setattr(first_use_of_card, "_MAX_COMPILING_S", 0.0)
     told = []
     with first_use_of_card.report_while_compiling(first_use_of_card.FirstSample(), lambda: told.append(1)):
         time.sleep(0.2)

@@ -159,7 +159,7 @@ def test_maps_and_meshes_have_the_same_heights(tmp_path):
 
 @pytest.mark.parametrize("kind", ["ply", "obj"])
 def test_too_many_triangles_are_refused_before_they_are_made(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr(ground_files, "MOST_TRIANGLES", 100_000)
+    monkeypatch.setattr(ground_files, "MAX_TRIANGLES", 100_000)
     monkeypatch.setattr(geometry_worker, "read_mesh_triangles", lambda mesh: pytest.fail("memory was taken"))
     with pytest.raises(IcyMoonError, match=f"21 meshes .* 0 million triangles.* As {kind} .*export usd or gltf"):
         export(tmp_path, complete(*SCENES["bump"], {"mesh": {"kind": "GRID"}}), kind)

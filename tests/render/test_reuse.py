@@ -53,7 +53,7 @@ def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path, monkeypatch
     So it is where depth is rendered without surfaces, which is done only where it saves more time than the tree takes.
     And lamps that go out and on again let Cycles join the trees of its meshes anew.
     """
-    monkeypatch.setattr(truth_without_light, "MOST_TRIANGLES_PER_PIXEL", 0)
+    monkeypatch.setattr(truth_without_light, "MAX_TRIANGLES_PER_PIXEL", 0)
     monkeypatch.setattr(truth_without_light, "switch_lights_off", lambda scene: nullcontext())
     cameras = (
         {},

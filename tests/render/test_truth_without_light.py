@@ -122,7 +122,7 @@ def test_all_is_back_after_a_failure(tmp_path, monkeypatch):
 @pytest.mark.parametrize("most", [0, 16])
 def test_surfaces_are_taken_off_where_it_saves_time(tmp_path, monkeypatch, most):
     taken = []
-    monkeypatch.setattr(truth_without_light, "MOST_TRIANGLES_PER_PIXEL", most)
+    monkeypatch.setattr(truth_without_light, "MAX_TRIANGLES_PER_PIXEL", most)
     monkeypatch.setattr(truth_without_light, "remove_surfaces", lambda what: nullcontext(taken.append(len(what))))
     settings = complete(TWO)
     render_pairs(

@@ -252,7 +252,7 @@ def test_wrong_options_of_calibrations_are_sentences_and_write_nothing(tmp_path,
 
 def test_a_calibration_guarantees_sites_of_other_grounds(dataset, tmp_path, monkeypatch):
     """By the true depth, whose choices are safe, on two grounds: the fewest for half of the risk on average."""
-    monkeypatch.setattr(calibration, "MOST_UNLIKE_P", 0.4)
+    monkeypatch.setattr(calibration, "MAX_UNLIKE_P", 0.4)
     # The true depth errs by nothing or, at the rock, beyond all ratios, so that no scale follows from these grounds.
     monkeypatch.setattr(calibration, "fit_scales", lambda grounds: dict.fromkeys(QUANTITIES, 2.0))
     for k, folder in enumerate((dataset / "pairs" / "a", dataset / "pairs" / "b", workspaces.write(tmp_path / "new"))):

@@ -63,7 +63,7 @@ SHORT_AND_LONG = (
     ("terrain", "inner_scale_m", "outer_scale_m"),
 )
 NEAREST_M = 1.0e-4  # planar depth that the lens clips at
-_MOST_RAYS = 1000  # of an image
+_MAX_RAYS = 1000  # of an image
 _SPEEDS = (
     "speed_right_m_s",
     "speed_down_m_s",
@@ -266,7 +266,7 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     depth, rounded = np.full((2, *view.depth.shape), np.nan)
     places = list(np.ndindex(depth.shape))
-    for place in places[:: math.ceil(len(places) / _MOST_RAYS)]:
+    for place in places[:: math.ceil(len(places) / _MAX_RAYS)]:
         way = toward[place]
         hit, at, normal, face, item, matrix = scene.ray_cast(graph, Vector(start), Vector(way).normalized())
         hit = hit and item.get("icymoon") not in SKY_TAGS

@@ -36,13 +36,13 @@ from icymoon.validation.ground_rock_rows import (
     place_rocks,
 )
 
-LEAST_M, MOST_M = 0.05, 1.0
+MIN_M, MAX_M = 0.05, 1.0
 
 
 def _draw_power_law(random, index, n, most_m=math.inf):
     """Independent diameters by inversion of N(>D) ~ D^-index."""
-    end = (LEAST_M / most_m) ** index
-    return LEAST_M * (random.random(n) * (1 - end) + end) ** (-1 / index)
+    end = (MIN_M / most_m) ** index
+    return MIN_M * (random.random(n) * (1 - end) + end) ** (-1 / index)
 
 
 def _synthesise(hurst, seed, n=1024, shortest=0.0, longest=math.inf):
@@ -56,11 +56,11 @@ def _synthesise(hurst, seed, n=1024, shortest=0.0, longest=math.inf):
     return np.fft.irfft2((noise[0] + 1j * noise[1]) * amplitude, (n, n))[: n // 2, : n // 2]
 
 
-@pytest.mark.parametrize("most_m", [math.inf, MOST_M])
+@pytest.mark.parametrize("most_m", [math.inf, MAX_M])
 @pytest.mark.parametrize("index", [1.5, 2.0, 3.0])
 def test_an_index_is_found_with_the_error_that_it_states(index, most_m):
     random = np.random.default_rng(1)
-    found = [fit_power_index(_draw_power_law(random, index, 400, most_m), LEAST_M, most_m) for _ in range(200)]
+    found = [fit_power_index(_draw_power_law(random, index, 400, most_m), MIN_M, most_m) for _ in range(200)]
     values, error = np.array([each.value for each in found]), np.mean([each.error for each in found])
     # The mean of 200 has a fourteenth of the error, and their deviation is known to 5 %; bias is below 1 / 400.
     assert values.mean() == pytest.approx(index, abs=4 * error / math.sqrt(200) + index / 200)
@@ -72,17 +72,17 @@ def test_rocks_that_are_missing_below_the_completeness_limit_change_nothing():
     whole = _draw_power_law(random, 3.0, 20000)
     seen = whole[random.random(len(whole)) < np.minimum(1.0, whole / 0.1) ** 2]
     assert fit_power_index(seen, 0.1).value == pytest.approx(3.0, abs=4 * fit_power_index(seen, 0.1).error)
-    assert fit_power_index(seen, LEAST_M).value < 2.7
+    assert fit_power_index(seen, MIN_M).value < 2.7
     assert math.isnan(fit_power_index(whole, 1e9).value)
 
 
 def test_abundance_and_decay_are_found():
     random = np.random.default_rng(3)
     q, k = 3.0, 0.1
-    candidates = LEAST_M + random.exponential(1 / q, 400_000)  # diameters per area
-    kept = candidates[random.random(len(candidates)) < (LEAST_M / candidates) ** 2]  # diameters per rock
-    area = float((math.pi / 4 * kept**2).sum()) / (k * math.exp(-q * LEAST_M))
-    found = fit_exponential_cover(kept, area, LEAST_M, 10.0)
+    candidates = MIN_M + random.exponential(1 / q, 400_000)  # diameters per area
+    kept = candidates[random.random(len(candidates)) < (MIN_M / candidates) ** 2]  # diameters per rock
+    area = float((math.pi / 4 * kept**2).sum()) / (k * math.exp(-q * MIN_M))
+    found = fit_exponential_cover(kept, area, MIN_M, 10.0)
     assert found.q_per_m.value == pytest.approx(q, abs=3 * found.q_per_m.error)
     assert found.k.value == pytest.approx(k, abs=3 * found.k.error)
     assert found.q_per_m.error < 0.1 * q

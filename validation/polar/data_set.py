@@ -44,18 +44,18 @@ SURVEYED_LAMPS = {
     350: (4.026, -0.896, 0.771),
 }
 #: Least size in metres of a rock; a smaller mesh is not in metres.
-_LEAST_ROCK_M = 0.01
+_MIN_ROCK_M = 0.01
 #: Largest size in metres of a rock.
-_MOST_ROCK_M = 2.0
+_MAX_ROCK_M = 2.0
 #: Least number of rocks. Each gives a point of two coordinates to a pose of six numbers and a lens; twice as many as
 #: necessary are required.
-_LEAST_ROCKS = 8
+_MIN_ROCKS = 8
 #: Largest distance of a hand-drawn corner outside its image, as a share of the image.
-_MOST_OUTSIDE_SHARE = 0.05
+_MAX_OUTSIDE_SHARE = 0.05
 #: Largest text of polygons in bytes.
-_MOST_LABEL_BYTES = 10_000_000
+_MAX_LABEL_BYTES = 10_000_000
 #: Maximum number of triangles of a rock.
-_MOST_TRIANGLES = 2_000_000
+_MAX_TRIANGLES = 2_000_000
 _LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
 _IMAGE = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.png")
 _ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
@@ -176,10 +176,10 @@ def _read_terrain(
             )
         photographs[view, azimuth] = _read_polygons(path)
     terrain = Terrain(name, tuple(read_rock(path, int(found[2])) for path, found in rocks), photographs)
-    if len(rocks) < _LEAST_ROCKS:
+    if len(rocks) < _MIN_ROCKS:
         raise IcyMoonError(
             f"{rocks[0][0].parent}: terrain {name} has {len(rocks)} rocks, too few to fit a camera to; "
-            f"add at least {_LEAST_ROCKS - len(rocks)} of its others."
+            f"add at least {_MIN_ROCKS - len(rocks)} of its others."
         )
     for position in terrain.positions:
         if missing := {View(position, eye) for eye in EYES} - set(terrain.views):
@@ -196,7 +196,7 @@ def _read_polygons(path: Path) -> tuple[Polygon, ...]:
         lambda foreign: _parse_polygons(path, foreign.text()),
         "a text of polygons",
         "get the file again",
-        most=_MOST_LABEL_BYTES,
+        most=_MAX_LABEL_BYTES,
     )
 
 
@@ -214,7 +214,7 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
                 f"{path}, line {line}: is not a polygon (a class from 0 to 3, then at least three pairs "
                 "of x and y); get the file again."
             ) from None
-        if numbers.min() < -_MOST_OUTSIDE_SHARE or numbers.max() > 1 + _MOST_OUTSIDE_SHARE:
+        if numbers.min() < -_MAX_OUTSIDE_SHARE or numbers.max() > 1 + _MAX_OUTSIDE_SHARE:
             raise IcyMoonError(
                 f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is not a share of "
                 f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows."
@@ -231,7 +231,7 @@ def read_rock(path: Path, number: int) -> Rock:
         number,
         *read(
             path,
-            lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES),
+            lambda foreign: parse_triangles(foreign, _MAX_TRIANGLES),
             "a mesh of triangles in OBJ",
             "get the file again",
         ),
@@ -239,9 +239,9 @@ def read_rock(path: Path, number: int) -> Rock:
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():
         raise IcyMoonError(f"{path}: is not a mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())
-    if not _LEAST_ROCK_M <= size <= _MOST_ROCK_M:
+    if not _MIN_ROCK_M <= size <= _MAX_ROCK_M:
         raise IcyMoonError(
-            f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_ROCK_M:g} to "
-            f"{_MOST_ROCK_M:g} m); export it in metres."
+            f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_MIN_ROCK_M:g} to "
+            f"{_MAX_ROCK_M:g} m); export it in metres."
         )
     return rock

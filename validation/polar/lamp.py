@@ -31,7 +31,7 @@ _NODE_STEPS_M = (0.01, 0.005)
 #: Distance in metres from a node within which a shadow must end or run for the node to be fitted.
 _NODE_REACH_M = 0.2
 #: Largest height in metres by which the sand at a node may exceed the surface through the rocks.
-_MOST_RAISED_M = 0.02
+_MAX_RAISED_M = 0.02
 #: Cost of this height.
 _RAISED_COST = 5.0
 #: Number of directions in which points of an outline are sought.
@@ -190,7 +190,7 @@ def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[i
         for k, azimuths in used.items():
             bump = sand.bump(k, table.grid).reshape(table.heights.shape) if azimuths else np.zeros(1)
             for move in (step, -step) if azimuths else ():
-                if abs(raised[k] + move) > _MOST_RAISED_M or abs(_node_offset_m(table, sand, k) + move) > BOUND_M:
+                if abs(raised[k] + move) > _MAX_RAISED_M or abs(_node_offset_m(table, sand, k) + move) > BOUND_M:
                     continue
                 table.heights += move * bump
                 found = {azimuth: shadows.measure_agreement(azimuth, lamps[azimuth], table) for azimuth in azimuths}

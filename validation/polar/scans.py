@@ -22,7 +22,7 @@ _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 #: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
 _NEAR_PX = 10.0
 _REACH_PX = round(_NEAR_PX * _MASK_SCALE)
-_LEAST_SCANNED_SHARE = 0.5
+_MIN_SCANNED_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
     rocks = []
     for outline in terrain.polygons(view, azimuth, ROCK):
         mask = _fill_outline(outline)
-        if np.count_nonzero(mask & near) >= _LEAST_SCANNED_SHARE * np.count_nonzero(mask):
+        if np.count_nonzero(mask & near) >= _MIN_SCANNED_SHARE * np.count_nonzero(mask):
             scanned |= mask
         else:
             bare |= mask

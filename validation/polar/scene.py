@@ -40,7 +40,7 @@ _SENSOR_MM = 20.0
 LAMP_DEG = 0.5
 _SAMPLES = 4
 #: A pixel shows a rock if the rock is nearer than the sand by more than this, in metres.
-_LEAST_GAP_M = 0.002
+_MIN_GAP_M = 0.002
 #: A pixel is in shadow if it has less than this share of the light without rocks.
 _SHADOW_SHARE = 0.5
 #: A pixel of sand is also in shadow if it has less than this share of the light of most sand at its distance from the
@@ -232,7 +232,7 @@ def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
     name = "left" if eye == "L" else "right"
     here, bare = (read_view(pair.image(name)) for pair in (with_rocks, without))
     nearer = np.where(np.isnan(bare.depth), np.inf, bare.depth) - np.where(np.isnan(here.depth), np.inf, here.depth)
-    rock = np.nan_to_num(nearer, nan=0.0) > _LEAST_GAP_M
+    rock = np.nan_to_num(nearer, nan=0.0) > _MIN_GAP_M
     light, full = (view.radiance.mean(axis=-1) for view in (here, bare))
     # Light falls with the square of the distance to the lamp.
     squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2

@@ -26,7 +26,7 @@ _WANDER_WAVELENGTH = 1.2
 #: Largest random offset of a row's crest from the middle between its troughs, in spacings.
 _CREST_OFFSET = 0.12
 #: Largest offset of a crest with its lean, in spacings.
-_MOST_LEAN = 0.35
+_MAX_LEAN = 0.35
 #: At full disorder: height loss of the lowest group of blades relative to the tallest.
 _GROUP_HEIGHT_LOSS = 0.75
 #: Width of groups, in spacings.
@@ -38,7 +38,7 @@ _ROW_SHIFT_WAVELENGTH = 3.6
 #: Variation of a blade's lean about its row's lean, in spacings.
 _LEAN_VARIATION = 0.3
 #: Height loss of the lowest blade relative to the tallest, as a share of the variation.
-_LEAST_BLADE_LOSS = 0.5
+_MIN_BLADE_LOSS = 0.5
 #: Depth loss of the shallowest notch between two blades relative to the deepest.
 _NOTCH_VARIATION = 0.6
 #: Depth of a crest's teeth, as a share of the variation.
@@ -64,7 +64,7 @@ def _crest_height(along: Array, row: Array, variation: float, keys: Sequence[int
     ``along`` is in lengths of blades.
     """
     place = along + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
-    tall = 1.0 - _LEAST_BLADE_LOSS * variation * _random_along_row(place, row, keys[1])
+    tall = 1.0 - _MIN_BLADE_LOSS * variation * _random_along_row(place, row, keys[1])
     toothed = 1.0 - _TOOTH_DEPTH * variation * _random_along_row(place / _TOOTH_LENGTH, row, keys[2])
     # Blades end at whole places, in notches of random depth, and are highest half way between.
     end = np.floor(place + 0.5)
@@ -98,7 +98,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     more = [draw_key(random) for _ in range(3)]
     disorder, length = settings.disorder, spacing * settings.elongation
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
-    lean = min(lean, _MOST_LEAN - _CREST_OFFSET)
+    lean = min(lean, _MAX_LEAN - _CREST_OFFSET)
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """Offset of a point from its row's crest, in spacings; the position of the crest, the row, and the distance
@@ -115,7 +115,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         middle = lean + _CREST_OFFSET * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
         if disorder:
             leans = disorder * _LEAN_VARIATION * sample_shifted_noise(along / length, 1.7 * row, more[1])
-            middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
+            middle = np.clip(middle + leans, -_MAX_LEAN, _MAX_LEAN)
         return place - row - middle, middle, index, along
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:

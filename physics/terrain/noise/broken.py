@@ -45,10 +45,10 @@ def _make_planes() -> Array:
 
 _PLANES = _make_planes()
 #: Least cosine between any direction and the nearest side of a piece.
-_LEAST_COSINE = math.cos(math.pi / _SIDES * (1.0 + 2.0 * _JITTER))
+_MIN_COSINE = math.cos(math.pi / _SIDES * (1.0 + 2.0 * _JITTER))
 #: Heights of the middles of tops (heights,), and of the sides at the middles (kinds, sides, heights).
 _MIDDLES = np.arange(_HEIGHTS) * (_HIGHEST / _HEIGHTS)
-_SIDE_HEIGHTS = _MIDDLES + _PLANES[:, 1:, 2, None] * (_SIDE_SLOPE * _LEAST_COSINE - _MIDDLES)
+_SIDE_HEIGHTS = _MIDDLES + _PLANES[:, 1:, 2, None] * (_SIDE_SLOPE * _MIN_COSINE - _MIDDLES)
 
 
 def _measure_reaches() -> Array:

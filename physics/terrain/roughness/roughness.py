@@ -31,7 +31,7 @@ from .structure_function import NOISE_DEVIATION, structure_function
 LAW_FROM = 0.5
 #: to this multiple of the longest.
 LAW_TO = 0.3
-MOST_OCTAVES = 48
+MAX_OCTAVES = 48
 #: Rotation between octaves, so that their lattices do not line up and show as a grid.
 _OCTAVE_TURN_RAD = math.radians(37.0)
 _LAGS_PER_OCTAVE = 6
@@ -41,13 +41,13 @@ _LOG_RANGE = 40.0
 #: Points per side of the grid on which the patch is measured.
 _GRID_SIDE = 129
 #: Largest factor on an octave's amplitude that corrects for chance in a patch.
-_MOST_CORRECTION = 3.0
+_MAX_CORRECTION = 3.0
 #: Number of wavelengths across a patch at which an octave's amplitude may be corrected by a factor of 2.
 _WAVES_FOR_FACTOR_2 = 3.0
 #: Range of relief, in standard deviations of the ground so far, over which multifractal weights rise from 0 to 1.
 RELIEF_SPAN = 4.0
 #: Octaves that add less than this share to the variance leave the weights unchanged.
-_LEAST_VARIANCE_SHARE = 0.01
+_MIN_VARIANCE_SHARE = 0.01
 
 
 def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
@@ -60,10 +60,10 @@ def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
             "lower the first or raise the second."
         )
     steps = math.ceil(math.log(outer / inner) / math.log(lacunarity) - 1e-6)
-    if steps >= MOST_OCTAVES:
+    if steps >= MAX_OCTAVES:
         raise IcyMoonError(
             f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
-            f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m."
+            f"{steps + 1} octaves, more than {MAX_OCTAVES}; raise terrain.lacunarity or inner_scale_m."
         )
     return _round_digits(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
 
@@ -202,7 +202,7 @@ class RoughSurface:
             if self.multifractality:
                 added = (self.amplitude_m[k] * NOISE_DEVIATION) ** 2
                 variance += added
-                if added > _LEAST_VARIANCE_SHARE * variance:
+                if added > _MIN_VARIANCE_SHARE * variance:
                     weight = self.weight(k, total, variance)
         total -= self.mean_m
         return total
@@ -214,7 +214,7 @@ def _compute_octave(k: int, wavelength_m: float, offset: Sequence[float], key: i
     return gradient_noise((cos * x_m + offset[0]) - sin * y_m, (sin * x_m + offset[1]) + cos * y_m, key)
 
 
-@functools.lru_cache(maxsize=MOST_OCTAVES)
+@functools.lru_cache(maxsize=MAX_OCTAVES)
 def _sample_octave(k: int, wavelength_m: float, offset: tuple[float, float], key: int, size_m: float) -> Array:
     """Unit noise (n, n) of octave k on a coarse grid over the patch, kept for the next ground: heights do not change
     it."""
@@ -245,8 +245,8 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
     """
     wavelength = octave_wavelengths_m(terrain)
     n = len(wavelength)
-    keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES)[:n])
-    offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
+    keys = tuple(int(k) for k in random.integers(0, 2**32, MAX_OCTAVES)[:n])
+    offsets = random.uniform(0.0, 1024.0, (MAX_OCTAVES, 2))[:n]
     baseline, hurst = float(terrain.slope_baseline_m), float(terrain.hurst)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     plain = RoughSurface(
@@ -276,7 +276,7 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, 
         if k >= long and not surface.multifractality:
             break
         added = (surface.amplitude_m[k] * NOISE_DEVIATION) ** 2
-        if k >= long and added <= _LEAST_VARIANCE_SHARE * (variance + added):
+        if k >= long and added <= _MIN_VARIANCE_SHARE * (variance + added):
             level[k:] = level[k]
             break
         offset = float(surface.offsets[k, 0]), float(surface.offsets[k, 1])
@@ -287,7 +287,7 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, 
             fields.append(field)
         total += surface.amplitude_m[k] * field
         variance += added
-        if surface.multifractality and added > _LEAST_VARIANCE_SHARE * variance:
+        if surface.multifractality and added > _MIN_VARIANCE_SHARE * variance:
             weight = surface.weight(k, total, variance)
     return np.array(fields).reshape(len(fields), _GRID_SIDE, _GRID_SIDE), level
 
@@ -318,7 +318,7 @@ def _fit_to_patch(
         np.einsum("kii->ki", cross)[...] = 0.0
         target = (at_baseline * (lag / baseline) ** hurst) ** 2
         # Short waves are many on the patch, so that chance matters less for them.
-        free = np.minimum(1.0 + _WAVES_FOR_FACTOR_2 * wavelength / size_m, _MOST_CORRECTION) ** 2
+        free = np.minimum(1.0 + _WAVES_FOR_FACTOR_2 * wavelength / size_m, _MAX_CORRECTION) ** 2
         free[long:] = 1.0
         low, high = squares / free, squares * free
         squares = _fit_squared_amplitudes(squares, target, model, low, high, cross)

@@ -13,7 +13,7 @@ import numpy as np
 from ....support.arrays import Array
 
 #: Number of grid lines that ``measure_roughness`` uses along each axis: enough for 1 %, and fast on any mesh.
-_MOST_LINES = 256
+_MAX_LINES = 256
 
 
 def remove_plane(heights_m: Array) -> Array:
@@ -97,7 +97,7 @@ def measure_roughness(
     level = remove_plane(heights_m)
     whole = np.array(list_lags(max(1, (min(heights_m.shape) - 1) // 4)))
     lag_m = whole * spacing_m
-    every = max(1, min(level.shape) // _MOST_LINES)
+    every = max(1, min(level.shape) // _MAX_LINES)
     deviation = np.array([rms_deviation(level, int(k), every) for k in whole])
     slope = math.nan
     if lag_m[0] * 0.999 <= baseline_m <= lag_m[-1] * 1.001 and deviation.min() > 0:

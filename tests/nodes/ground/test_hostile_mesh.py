@@ -45,7 +45,7 @@ def test_a_mesh_that_blender_would_take_for_another_is_refused(tmp_path, name, t
 
 
 def test_copies_of_a_mesh_are_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(import_mesh, "MOST_TRIANGLES", 0)
+    monkeypatch.setattr(import_mesh, "MAX_TRIANGLES", 0)
     (tmp_path / "a.obj").write_text(OBJ)
     with pytest.raises(IcyMoonError, match="more than 0 triangles with all its copies"):
         read_mesh(tmp_path / "a.obj")

@@ -172,7 +172,7 @@ def test_a_window_is_the_cut_of_the_whole(tmp_path, monkeypatch):
     path, _ = written(tmp_path / "dem.tif", "UTM", 200)
     site = Site(True, (11.0, -23.0), 60.0)
     whole = geotiff.read(path, site)
-    monkeypatch.setattr(geotiff, "_MOST_WHOLE_PIXELS", 100)
+    monkeypatch.setattr(geotiff, "_MAX_WHOLE_PIXELS", 100)
     part = geotiff.read(path, site)
     assert part.heights_m.shape == (63, 63)
     assert whole.corner_m is not None

@@ -412,13 +412,13 @@ def test_a_hostile_mesh_is_a_sentence(tmp_path, name):
     ],
 )
 def test_triangles_are_counted_before_they_are_made(tmp_path, monkeypatch, text, words):
-    monkeypatch.setattr(link_mesh, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(link_mesh, "MAX_TRIANGLES", 100)
     with pytest.raises(IcyMoonError, match=words):
         faces_of(tmp_path / "m.dae", primitives(text))
 
 
 def test_what_is_shown_many_times_is_counted_before_it_is_made(tmp_path, monkeypatch):
-    monkeypatch.setattr(link_mesh, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(link_mesh, "MAX_TRIANGLES", 100)
     nodes = '<node><instance_geometry url="#g"/></node>' * 61
     with pytest.raises(IcyMoonError, match="more than 300 vertices"):
         faces_of(tmp_path / "m.dae", document(nodes=nodes))

@@ -16,7 +16,7 @@ from icymoon.physics.arm.kinematics import forward_kinematics
 from icymoon.physics.arm.lander_arm import describe_joints, joint_values, list_keypoints, make_arm, make_solids
 from icymoon.physics.arm.link_mesh import read_link_mesh
 from icymoon.physics.arm.own_arm import load_users_arm, make_arm_at
-from icymoon.physics.arm.urdf import MOST_LINKS, read_urdf
+from icymoon.physics.arm.urdf import MAX_LINKS, read_urdf
 from icymoon.physics.scene_checks import find_lander_reasons
 from icymoon.settings import user_files
 from icymoon.settings.description import defaults, merged
@@ -143,7 +143,7 @@ RING = "".join(
         (BAD_JOINT.format(LIMIT), ("base", "post", "loose"), "base and loose hang on no joint"),
         (RING, ("one", "two"), "make a ring"),
         (RING, ("base", "one", "two"), "is in a ring"),
-        ("", tuple(f"l{k}" for k in range(MOST_LINKS + 1)), f"more than {MOST_LINKS}"),
+        ("", tuple(f"l{k}" for k in range(MAX_LINKS + 1)), f"more than {MAX_LINKS}"),
         ("", (), "has no link"),
         ("", ("same", "same"), "two links that are called same"),
     ],
@@ -413,7 +413,7 @@ def test_names_of_links_stay_apart_whatever_they_are(tmp_path):
 def test_one_mesh_many_times_is_refused_before_all_are_made(tmp_path, monkeypatch):
     write_stl(tmp_path / "m.stl")
     made = []
-    monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(own_arms, "MAX_TRIANGLES", 100)
     of_shape = own_arms._make_shape_solid
     monkeypatch.setattr(
         own_arms, "_make_shape_solid", lambda shape, *rest: made.append(shape) or of_shape(shape, *rest)
@@ -505,7 +505,7 @@ def test_a_hostile_mesh_is_a_sentence(tmp_path, name, content):
     ],
 )
 def test_a_mesh_is_counted_while_it_is_read(tmp_path, monkeypatch, name, text):
-    monkeypatch.setattr(link_mesh, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(link_mesh, "MAX_TRIANGLES", 100)
     (tmp_path / name).write_text(text + "what is no line of a mesh\n" + "f 1 x\nvertex 1\n", encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"has more than (100 triangles|300 vertices)"):
         read_link_mesh(tmp_path / name)
@@ -599,7 +599,7 @@ def test_a_mesh_that_is_named_many_times_is_read_once(tmp_path, monkeypatch):
 
 
 def test_vertices_without_triangles_count(tmp_path, monkeypatch):
-    monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(own_arms, "MAX_TRIANGLES", 100)
     (tmp_path / "m.obj").write_text(OBJ * 50 + "f 1 2 3\n", encoding="utf-8")
     (reason,) = find_lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.obj") * 3})))
     assert "more than 100 triangles" in reason

@@ -148,7 +148,7 @@ def test_strides_end_where_neighbours_end(monkeypatch):
     spoil[35:45, 10:30] = 0.06
     ends = []
     for sweeps in (10, 20_000):
-        monkeypatch.setattr(module, "_MOST_SWEEPS", sweeps)
+        monkeypatch.setattr(module, "_MAX_SWEEPS", sweeps)
         layers = GroundLayers(ground.copy(), spoil.copy())
         assert relax_slopes(layers, 0.005, REPOSE)[1]
         ends.append(layers.top)
@@ -159,8 +159,8 @@ def test_strides_end_where_neighbours_end(monkeypatch):
 def test_sweeps_that_end_early_are_known(monkeypatch):
     from icymoon.physics.excavation import slide_to_repose as module
 
-    monkeypatch.setattr(module, "_MOST_SWEEPS", 10)
-    monkeypatch.setattr(module, "_MOST_CYCLES", 0)
+    monkeypatch.setattr(module, "_MAX_SWEEPS", 10)
+    monkeypatch.setattr(module, "_MAX_CYCLES", 0)
     layers = GroundLayers(np.zeros((60, 60)), np.zeros((60, 60)))
     layers.spoil[25:35, 25:35] = 0.5
     assert not relax_slopes(layers, 0.005, REPOSE)[1]

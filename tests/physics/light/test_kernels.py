@@ -162,11 +162,11 @@ def test_a_binary_kernel_that_leads_in_a_ring_or_out_is_refused(folder, content)
 
 
 def test_a_text_kernel_is_bounded(folder, monkeypatch):
-    monkeypatch.setattr(kernel_module, "_MOST_TEXT_BYTES", 1000)
+    monkeypatch.setattr(kernel_module, "_MAX_TEXT_BYTES", 1000)
     (folder / "c.tpc").write_text(PCK + "more\n" * 1000)
     with pytest.raises(IcyMoonError, match="is a text kernel of 0 MB"):
         find_kernels(folder)
-    monkeypatch.setattr(kernel_module, "_MOST_FILES", 4)
+    monkeypatch.setattr(kernel_module, "_MAX_FILES", 4)
     with pytest.raises(IcyMoonError, match="files, more than 4"):
         find_kernels(folder)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.physics.light.planet_face import (
     FACES,
-    LEAST_COSINE,
+    MIN_COSINE,
     face_tint,
     radiance_over_zenith,
     spot_axes,
@@ -134,7 +134,7 @@ def test_saturn_is_darker_at_its_limb_than_before_it(phase):
     toward = np.array([0.0, 0.0, 1.0])
     sun = np.array([math.sin(math.radians(phase)), 0.0, math.cos(math.radians(phase))])
     shown = planet("SATURN", sun=sun, direction=-toward, flattening=0.0)
-    emission = np.linspace(LEAST_COSINE, 1.0, 200)
+    emission = np.linspace(MIN_COSINE, 1.0, 200)
     normal = np.stack([np.sqrt(1 - emission**2), 0 * emission, emission], axis=1)
     light = radiance_over_zenith(FACES["SATURN"], shown, normal, np.broadcast_to(toward, normal.shape))
     assert (np.diff(light[:5], axis=0) > 0).all()

@@ -21,7 +21,7 @@ from icymoon.settings.preset_files import load_preset
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.arrays import Array
 
-#: A small share of the pixels of a pair, and of the vertices of ``preview.MOST_VERTICES`` and of the fine ground.
+#: A small share of the pixels of a pair, and of the vertices of ``preview.MAX_VERTICES`` and of the fine ground.
 FRAME, MOST = {"width_px": 96, "height_px": 72}, 2250
 
 

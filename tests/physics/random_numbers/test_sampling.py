@@ -33,7 +33,7 @@ def test_a_latin_hypercube_has_one_point_in_each_part_of_every_axis(count, dimen
 
 @given(st.integers(0, 8), st.integers(0, 2**31 - 1))
 def test_sobol_points_have_one_in_each_part_of_every_axis(power, seed):
-    points = sampling.draw_sobol(2**power, randoms(sampling.MOST_DIMENSIONS, seed))
+    points = sampling.draw_sobol(2**power, randoms(sampling.MAX_DIMENSIONS, seed))
     assert points.min() > 0
     assert points.max() < 1
     for axis in points.T:
@@ -51,7 +51,7 @@ def test_the_first_two_axes_of_sobol_are_a_net():
 
 def test_sobol_equals_another_program():
     torch = pytest.importorskip("torch")
-    d = sampling.MOST_DIMENSIONS
+    d = sampling.MAX_DIMENSIONS
     theirs = torch.quasirandom.SobolEngine(d, scramble=False).draw(2048, dtype=torch.float64).numpy()
     unshifted = stand_in(integers=lambda low, high: low)
     # Ours are in the middle of the 2^32 parts whose lower end theirs are.
@@ -60,7 +60,7 @@ def test_sobol_equals_another_program():
 
 def test_more_axes_than_there_are_direction_numbers_are_refused():
     with pytest.raises(ValueError, match="axes"):
-        sampling.draw_sobol(4, randoms(sampling.MOST_DIMENSIONS + 1))
+        sampling.draw_sobol(4, randoms(sampling.MAX_DIMENSIONS + 1))
 
 
 @pytest.mark.parametrize("draw", [sampling.draw_sobol, sampling.draw_latin_hypercube, sampling.draw_independent])

@@ -190,7 +190,7 @@ def test_ground_that_is_made_for_one_site_is_refused(tmp_path):
 
 
 def test_more_poses_than_a_plan_has_pairs_are_refused_with_a_step(tmp_path, monkeypatch):
-    monkeypatch.setattr(trajectory_sweeps, "MOST_PAIRS", 2)
+    monkeypatch.setattr(trajectory_sweeps, "MAX_PAIRS", 2)
     text = "".join(line(k, [0, 0, 5], NORTH) for k in range(3))
     with pytest.raises(IcyMoonError, match=r"line 9: .*poses\.txt has 3 poses, more than 2; state every"):
         rigs(tmp_path, text)

@@ -157,7 +157,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
     mine = Claims(tmp_path)
     mine.take(PAIR)
     assert touched.wait(30)
-    clock.now = pair_claims.MOST_SILENT_S + 1
+    clock.now = pair_claims.MAX_SILENT_S + 1
     for _ in range(100):  # until a beat passes without a touch; one may be under way
         touched.clear()
         if not touched.wait(0.2):

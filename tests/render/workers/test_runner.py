@@ -28,7 +28,7 @@ from stand import PAIRS, Stand
 def stand(tmp_path, monkeypatch):
     if os.name == "nt":
         pytest.skip("the false Blender is a script with a #! line")
-    monkeypatch.setattr(runner, "_MOST_EXIT_S", 0.3)
+    monkeypatch.setattr(runner, "_MAX_EXIT_S", 0.3)
     monkeypatch.setattr(runner, "_WAIT_S", 0.05)
     return Stand(tmp_path)
 
@@ -300,7 +300,7 @@ def test_another_camera_response_is_stated_without_a_render(stand):
 def test_the_pairs_of_a_silent_worker_are_looked_for_seldom(stand, monkeypatch):
     """Each look reads every pair.json among them, and the runner comes by twenty times a second."""
     monkeypatch.setattr(runner, "_SUSPECT_AFTER_S", 0.4)  # so that its other pairs are looked for too
-    monkeypatch.setattr(runner, "MOST_CRASHES", 1)
+    monkeypatch.setattr(runner, "MAX_CRASHES", 1)
     looks = []
     find = Runner._find_pairs_left
     monkeypatch.setattr(Runner, "_find_pairs_left", lambda self, worker: looks.append(worker) or find(self, worker))

@@ -18,7 +18,7 @@ from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.evaluated_pairs import find_sources
-from icymoon.stereo.images.image_headers import MOST_PIXELS
+from icymoon.stereo.images.image_headers import MAX_PIXELS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
 
@@ -468,7 +468,7 @@ def npy_of(*shape):
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode()
 
 
-SIDE = int(MOST_PIXELS**0.5) + 1
+SIDE = int(MAX_PIXELS**0.5) + 1
 
 
 def write_large_npz(path):
@@ -511,7 +511,7 @@ def test_a_large_exr_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
         {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"Z": np.zeros((20, 20), np.float32)}
     ).write(str(path))
     assert read_map(MapFile(path)).shape == (20, 20)
-    monkeypatch.setattr("icymoon.stereo.images.image_headers.MOST_PIXELS", 399)
+    monkeypatch.setattr("icymoon.stereo.images.image_headers.MAX_PIXELS", 399)
     with pytest.raises(IcyMoonError, match="states 20 x 20 px"):
         read_map(MapFile(path))
 

@@ -19,7 +19,7 @@ from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import read_checksum
-from icymoon.support.foreign_bytes import MOST_BYTES
+from icymoon.support.foreign_bytes import MAX_BYTES
 
 CASES = Path(__file__).parents[2] / "data" / "cases"
 
@@ -67,9 +67,9 @@ def test_pictures_of_sceneflow_as_webp(tmp_path):
 def test_a_sparse_file_is_not_read_for_its_checksum(tmp_path):
     with (tmp_path / "a.png").open("wb") as stream:
         stream.truncate(2**40)
-    assert read_checksum(tmp_path / "a.png", MOST_BYTES) == ""
+    assert read_checksum(tmp_path / "a.png", MAX_BYTES) == ""
     os.mkfifo(tmp_path / "pipe")
-    assert read_checksum(tmp_path / "pipe", MOST_BYTES) == ""
+    assert read_checksum(tmp_path / "pipe", MAX_BYTES) == ""
 
 
 @pytest.mark.heavy

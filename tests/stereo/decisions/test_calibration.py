@@ -268,7 +268,7 @@ def test_damaged_and_huge_files_are_refused(tmp_path, monkeypatch):
         with pytest.raises(IcyMoonError, match=r"c\.json"):
             read_calibration(path)
     path.write_bytes(content)
-    monkeypatch.setattr(calibration_file, "_MOST_BYTES", 1000)
+    monkeypatch.setattr(calibration_file, "_MAX_BYTES", 1000)
     with pytest.raises(IcyMoonError, match="are the most that can be read"):
         read_calibration(path)
     for other in (tmp_path, tmp_path / "none.json"):

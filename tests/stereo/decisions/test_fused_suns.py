@@ -39,7 +39,7 @@ def test_suns_are_of_one_day_and_as_high_as_in_training():
         suns = study.draw_suns(random)
         assert suns.shape == (4, 3)
         np.testing.assert_allclose(np.linalg.norm(suns, axis=1), 1.0)
-        assert min(elevation_deg(sun) for sun in suns) > study.LEAST_SUN_DEG - 2.0  # a step is 1.5 degrees
+        assert min(elevation_deg(sun) for sun in suns) > study.MIN_SUN_DEG - 2.0  # a step is 1.5 degrees
         assert max(elevation_deg(sun) for sun in suns) < 70
         assert len({tuple(sun) for sun in suns}) == 4
         last_in_the_morning += suns[-1, 0] > 0

@@ -120,7 +120,7 @@ def test_no_damaged_or_foreign_file_is_read(decided, tmp_path):
 
 
 def test_a_report_of_any_size_is_not_read(decided, tmp_path, monkeypatch):
-    monkeypatch.setattr(stored_maps, "_MOST_BYTES", 100)
+    monkeypatch.setattr(stored_maps, "_MAX_BYTES", 100)
     with pytest.raises(IcyMoonError, match="larger than"):
         read_map(decided, "a", "bm", SLOPE)
 

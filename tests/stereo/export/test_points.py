@@ -9,7 +9,7 @@ import pytest
 from icymoon.formats import ply
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.export.points import MOST_POINTS, make_measured_points, write_points
+from icymoon.stereo.export.points import MAX_POINTS, make_measured_points, write_points
 from icymoon.stereo.images.colours import colour_signed_errors
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare_pair import prepare_pair
@@ -117,7 +117,7 @@ def test_the_file_contains_the_number_of_missing_points(tmp_path, size):
 def test_large_images_are_thinned_out(tmp_path):
     large = prepare_pair(with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(640, 480))), {})
     points = make_measured_points(large, large.pair.camera.disparity(large.truth))
-    assert MOST_POINTS / 4 < len(points) <= MOST_POINTS
+    assert MAX_POINTS / 4 < len(points) <= MAX_POINTS
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -200,7 +200,7 @@ def test_a_hang_costs_one_image(tmp_path, monkeypatch):
     read_image(path)
     first = decoder()
     os.kill(first._process.pid, signal.SIGSTOP)
-    monkeypatch.setattr(bounded_decoding, "_MOST_DECODING_S", 0.3)
+    monkeypatch.setattr(bounded_decoding, "_MAX_DECODING_S", 0.3)
     assert "takes more than 0.3 s to decode" in refuse(read_image, path)
     monkeypatch.undo()
     assert read_image(path).shape == (HEIGHT, WIDTH)

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 RUNS = 300
 #: The goals, and 3 standard errors of a share of so many data sets.
-MOST_FALSE, MOST_MISSES = 0.065, 0.07
+MAX_FALSE, MAX_MISSES = 0.065, 0.07
 DOUBT = 3 * (0.07 * 0.93 / RUNS) ** 0.5
 #: By how many standard deviations each method is worse than the one before.
 EFFECTS = (0.0, 1.0, 3.0, 20.0)
@@ -57,8 +57,8 @@ def find_wrong(cell, procedure=of_product):
 @pytest.mark.parametrize("cell", [("beta", 0.0, 6, 2), ("exponential", 0.25, 8, 3), ("beta", 0.1, 10, 5)], ids=str)
 def test_verdicts_and_intervals_hold_at_each_effect(cell):
     false, misses, found = find_wrong(cell)
-    assert (false <= MOST_FALSE + DOUBT).all()
-    assert (misses <= MOST_MISSES + DOUBT).all()
+    assert (false <= MAX_FALSE + DOUBT).all()
+    assert (misses <= MAX_MISSES + DOUBT).all()
     np.testing.assert_allclose(misses, misses[0], atol=1e-12)  # a shift changes neither residuals nor limit
     assert found[-1] == 1.0  # a difference of 20 standard deviations
 
@@ -76,7 +76,7 @@ def test_few_scenes_have_few_false_verdicts(methods, scenes):
     """The worst errors; 2000 data sets, so 3 standard errors are 1.7 %. At 4 %, the limit of one comparison, there are
     7.2 to 7.9 %; that the limit of several is less is what the second line tells, from the same data sets."""
     false, _ = simulation.find_rates(("beta", 0.0, scenes, methods), 2000)
-    assert false <= MOST_FALSE + 3 * (MOST_FALSE * (1 - MOST_FALSE) / 2000) ** 0.5
+    assert false <= MAX_FALSE + 3 * (MAX_FALSE * (1 - MAX_FALSE) / 2000) ** 0.5
     drawn = simulation.draw_errors(np.random.default_rng(2), "beta", 0.0, (2000, scenes, methods))
     smallest = simulation.find_p(simulation.differences_of(drawn)).min(axis=1)
     assert np.mean(smallest <= find_limit(methods * (methods - 1) // 2)) < np.mean(smallest <= LIMIT_OF_ONE) - 0.005
@@ -86,7 +86,7 @@ def test_few_scenes_have_few_false_verdicts(methods, scenes):
 def test_flips_that_are_not_centred_would_not_pass():
     """They miss where methods really differ."""
     _, misses, _ = find_wrong(("lognormal", 1.0, 10, 6), uncentred)
-    assert (misses[2:] > MOST_MISSES + DOUBT).all()
+    assert (misses[2:] > MAX_MISSES + DOUBT).all()
 
 
 @pytest.mark.long
@@ -104,4 +104,4 @@ def test_all_cells_hold(methods):
         for spread in simulation.SPREADS:
             for scenes in simulation.list_numbers_of_scenes(methods):
                 false, _ = simulation.find_rates((errors, spread, scenes, methods), RUNS)
-                assert false <= MOST_FALSE + DOUBT, (errors, spread, scenes)
+                assert false <= MAX_FALSE + DOUBT, (errors, spread, scenes)

@@ -15,8 +15,8 @@ def listed(values):
 @pytest.mark.parametrize("most_listed", [0, 200])
 @pytest.mark.parametrize("values", [[5], [-3, 7], [0, 0, 0], [-4, -4, 1, 1, 1, 9], list(range(-40, 90, 7))])
 def test_sums_are_counted_and_found_whether_they_are_listed_or_not(values, most_listed, monkeypatch):
-    monkeypatch.setattr(walsh_averages, "_MOST_LISTED_VALUES", most_listed)
-    monkeypatch.setattr(walsh_averages, "_MOST_LISTED_SUMS", 2)
+    monkeypatch.setattr(walsh_averages, "_MAX_LISTED_VALUES", most_listed)
+    monkeypatch.setattr(walsh_averages, "_MAX_LISTED_SUMS", 2)
     sums, wanted = WalshSums(np.array(values)), listed(values)
     assert sums.count == len(wanted)
     assert [sums.at(place) for place in range(len(wanted))] == wanted

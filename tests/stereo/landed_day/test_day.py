@@ -147,7 +147,7 @@ def test_a_look_by_night_states_how_long_to_wait(day):
     with pytest.raises(IcyMoonError, match=r"wait [0-9.]+ h\.$") as refused:
         day.step("look")
     day.step("wait", hours=float(re.search(r"wait ([0-9.]+) h", str(refused.value)).group(1)))
-    assert day.step("look").sun_elevation_deg >= days.LEAST_SUN_DEG
+    assert day.step("look").sun_elevation_deg >= days.MIN_SUN_DEG
 
 
 @pytest.mark.parametrize(

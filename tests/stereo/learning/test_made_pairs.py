@@ -100,7 +100,7 @@ def test_disparity_leads_to_the_same_point_in_the_right_eye(coarse):
     )
     along = ground.tracer.intersect(view.right.position, own @ view.left.axes.T, 1e-3, 1e4).along
     error = np.abs(view.left.focal_px * view.baseline_m / along - disparity[asked])
-    # Rays that graze an edge may pass it on the other side: a point that is not hidden is at most LEAST_GAP_PX behind.
+    # Rays that graze an edge may pass it on the other side: a point that is not hidden is at most MIN_GAP_PX behind.
     assert np.quantile(error, 0.98) < 0.01
     assert error.max() < 0.26
 

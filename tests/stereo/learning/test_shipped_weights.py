@@ -13,7 +13,7 @@ from icymoon.support.errors import IcyMoonError
 
 pytest.importorskip("torch")
 #: Most bytes of both files together, as the package may carry.
-MOST_BYTES = 4e6
+MAX_BYTES = 4e6
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_both_files_are_of_the_same_training(samples):
     ]
     np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-3)
     np.testing.assert_allclose(found[0][2]["confidence"], found[1][2]["confidence"], atol=1e-4)
-    assert sum(file.stat().st_size for file in SHIPPED.values()) < MOST_BYTES
+    assert sum(file.stat().st_size for file in SHIPPED.values()) < MAX_BYTES
 
 
 def test_the_same_pair_gives_the_same_bits(samples):

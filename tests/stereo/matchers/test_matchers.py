@@ -98,7 +98,7 @@ def test_every_mode_of_sgbm_measures(mode):
 def test_strips_of_a_large_image_give_what_the_whole_image_gives(method, monkeypatch):
     left, right, _ = images(pairs.Scene(contrast=0.2), pairs.camera(256, 400))
     whole, valid, _ = match(method, left, right, {"disparities": 64})
-    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._MOST_COST_BYTES", 4 * 200 * 320 * 64)  # 72 of 200 rows are kept
+    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._MAX_COST_BYTES", 4 * 200 * 320 * 64)  # 72 of 200 rows are kept
     strips, also, _ = match(method, left, right, {"disparities": 64})
     assert np.mean(valid != also) < 0.005
     both = valid & also

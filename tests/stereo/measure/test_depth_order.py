@@ -40,10 +40,10 @@ def test_equals_the_double_loop_bit_for_bit(pairs):
     )
 
 
-@pytest.mark.parametrize("entries", [depth_order._MOST_ENTRIES, 300, 20], ids=["one digit", "some", "many"])
+@pytest.mark.parametrize("entries", [depth_order._MAX_ENTRIES, 300, 20], ids=["one digit", "some", "many"])
 @pytest.mark.parametrize("pixels", [0, 1, 2, 63, 64, 65, 400])
 def test_regions_are_counted_as_if_alone_in_tables_of_any_size(monkeypatch, pixels, entries):
-    monkeypatch.setattr(depth_order, "_MOST_ENTRIES", entries)
+    monkeypatch.setattr(depth_order, "_MAX_ENTRIES", entries)
     random = np.random.default_rng(pixels)
     truth = random.uniform(1, 2, pixels)
     measured, region = random.random((2, pixels)) < 0.7

@@ -15,13 +15,13 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.by_setting import (
-    MOST_LEVELS,
+    MAX_LEVELS,
     VariedSetting,
     average_by_level,
     find_swept_settings,
     name_scene,
 )
-from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
+from icymoon.stereo.report.html import MAX_PAIRS, choose_pairs
 from icymoon.stereo.report.summary import ResultTable, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -47,7 +47,7 @@ def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     data = page_data(html)
     assert [row[0] for row in data["pairs"]] == [f"pair{k:05d}" for k in range(COUNT)]
     assert [row[2] for row in data["pairs"]].count("suspect") == len(range(5, COUNT, 97))
-    assert html.count("<img") == MOST_PAIRS * (2 + 2 * 2) + 15 * (1 + 2) + 1  # pairs, matrix, and the enlarged one
+    assert html.count("<img") == MAX_PAIRS * (2 + 2 * 2) + 15 * (1 + 2) + 1  # pairs, matrix, and the enlarged one
     assert len(html) < 2_500_000
     rows = json.loads((many / "report.json").read_text())["rows"]
     assert data["pairs"][7][3] == pytest.approx(100 * rows[14]["total_bad_1"], abs=0.06)
@@ -144,10 +144,10 @@ def test_few_pairs_are_chosen_from_many_the_worst_among_them():
     table.values[0, 7, NUMBERS.index("total_bad_1")] = np.nan  # counts in no average
     table.values[0, 50, NUMBERS.index("total_bad_1")] = 9.0
     chosen = choose_pairs(table, names)
-    assert len(chosen) == MOST_PAIRS == len(set(chosen))
+    assert len(chosen) == MAX_PAIRS == len(set(chosen))
     assert {"pair007", "pair050", "pair099", "pair000"} <= set(chosen)
     assert len([name for name in chosen if name < "pair050"]) > 4
-    assert choose_pairs(table, names[:MOST_PAIRS]) == names[:MOST_PAIRS]
+    assert choose_pairs(table, names[:MAX_PAIRS]) == names[:MAX_PAIRS]
     wide = ResultTable([f"m{k}" for k in range(20)], names)
     assert len(choose_pairs(wide, names)) < 10  # the file stays as small with many methods
 
@@ -176,8 +176,8 @@ def test_settings_that_vary_are_found():
     assert (names, places.tolist()) == (["0.2", "0.8"], [0.2, 0.8])
     assert level.tolist() == [0, 1] * 20
     names, places, level = sweeps[1].levels()
-    assert len(names) == MOST_LEVELS
-    assert np.bincount(level).tolist() == [4] * MOST_LEVELS
+    assert len(names) == MAX_LEVELS
+    assert np.bincount(level).tolist() == [4] * MAX_LEVELS
     assert places[0] == pytest.approx(1.5)
     assert find_swept_settings(many[:1], {"0": 0}) == []
 

@@ -7,7 +7,7 @@ import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.report.charts import draw_charts
-from icymoon.stereo.report.phase_curves import MOST_LAWS, PHASE_DEG, compute_phase_curves
+from icymoon.stereo.report.phase_curves import MAX_LAWS, PHASE_DEG, compute_phase_curves
 
 
 def facts(*parts: dict) -> dict:
@@ -45,7 +45,7 @@ def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
     many = compute_phase_curves(
         [facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}}) for k in range(9)]
     )
-    assert len(many) == MOST_LAWS
+    assert len(many) == MAX_LAWS
 
 
 def test_the_report_has_the_plot_only_where_there_is_a_law():

@@ -10,7 +10,7 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.conditions import Condition
 from icymoon.stereo.report.pictures import (
-    MOST_IN_MATRIX,
+    MAX_IN_MATRIX,
     choose_typical_pairs,
     embed_picture,
     find_typical_pair,
@@ -56,7 +56,7 @@ def test_the_matrix_is_bounded(methods, rows):
     conditions = [Condition(str(k), np.arange(50) == k) for k in range(40)]
     found = choose_typical_pairs(table, conditions)
     assert [(condition.name, pair) for condition, pair in found] == [(str(k), k) for k in range(rows)]
-    assert rows == 1 or rows * (1 + methods) <= MOST_IN_MATRIX
+    assert rows == 1 or rows * (1 + methods) <= MAX_IN_MATRIX
 
 
 def test_all_pairs_are_the_condition_if_nothing_varies_and_one_pair_needs_no_matrix():

@@ -12,7 +12,7 @@ from icymoon.stereo.report.averaged_settings import describe_averaging
 from icymoon.stereo.report.by_setting import SCENE_SWEEP, VariedSetting, average_by_level, find_swept_settings
 from icymoon.stereo.report.conditions import join_by_scene, list_conditions, make_pair_titles, name_levels
 from icymoon.stereo.report.summary import ResultTable
-from icymoon.stereo.report.varied_on_purpose import MOST_LINES, choose_lines
+from icymoon.stereo.report.varied_on_purpose import MAX_LINES, choose_lines
 
 SUNS, ALBEDOS, HEADINGS = (8.0, 20.0, 45.0), (0.2, 0.5, 0.7, 0.9), (0.0, 90.0)
 METHODS = ("bm", "sgbm")
@@ -74,7 +74,7 @@ def test_many_values_form_groups_of_neighbours():
     lines = choose_lines(sweeps[0], sweeps)
     assert lines.grouped
     assert lines.names == ["0 to 0.2", "0.3 to 0.5", "0.6 to 0.7", "0.8 to 0.9"]
-    assert len(lines.names) <= MOST_LINES
+    assert len(lines.names) <= MAX_LINES
     assert np.bincount(lines.of).tolist() == [18, 18, 12, 12]
 
 

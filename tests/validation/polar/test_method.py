@@ -12,16 +12,16 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
     3: {
         polar_comparison: {
             "_RENDER_COLUMNS": 480,
-            "_LEAST_ROCK_OVERLAP": 0.85,
-            "_LEAST_SHADOW_OVERLAP": 0.75,
-            "_MOST_TIP_ERROR": 0.02,
-            "_MOST_OUTLINE_ERROR_PX": 1.0,
-            "_MOST_BASELINE_ERROR_M": 0.01,
-            "_MOST_LAMP_ERROR_M": 0.3,
-            "_MOST_DISPARITY_ERROR_PX": 1.0,
-            "_LEAST_SHADOW_M": 0.15,
-            "_MOST_UNSCANNED_SHARE": 0.02,
-            "_MOST_SAND_SHADOW_SHARE": 0.005,
+            "_MIN_ROCK_OVERLAP": 0.85,
+            "_MIN_SHADOW_OVERLAP": 0.75,
+            "_MAX_TIP_ERROR": 0.02,
+            "_MAX_OUTLINE_ERROR_PX": 1.0,
+            "_MAX_BASELINE_ERROR_M": 0.01,
+            "_MAX_LAMP_ERROR_M": 0.3,
+            "_MAX_DISPARITY_ERROR_PX": 1.0,
+            "_MIN_SHADOW_M": 0.15,
+            "_MAX_UNSCANNED_SHARE": 0.02,
+            "_MAX_SAND_SHADOW_SHARE": 0.005,
         },
         camera: {"_SAND_SHARE": 0.25, "_MATCHED_PX": 10.0},
         label_agreement: {"_MASK_SCALE": 0.5, "_OUTLINE_STEP_PX": 8.0},
@@ -30,7 +30,7 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
             "_SURVEY_COST": 0.01,
             "_NODE_STEPS_M": (0.01, 0.005),
             "_NODE_REACH_M": 0.2,
-            "_MOST_RAISED_M": 0.02,
+            "_MAX_RAISED_M": 0.02,
             "_RAISED_COST": 5.0,
         },
         sand: {
@@ -40,8 +40,8 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
             "_HEIGHT_ERROR_M": 0.004,
         },
         skirts: {"REPOSE_DEG": 35.0, "BOUND_M": 0.04, "_AVERAGING_PASSES": 2},
-        scans: {"_NEAR_PX": 10.0, "_LEAST_SCANNED_SHARE": 0.5},
-        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_LEAST_GAP_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
+        scans: {"_NEAR_PX": 10.0, "_MIN_SCANNED_SHARE": 0.5},
+        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_MIN_GAP_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
     }
 }
 
