@@ -8,7 +8,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...physics.rocks.place_rocks import Rocks, euler_matrices
+from ...physics.rocks.place_rocks import Rocks, make_instance_matrices
 from ...physics.rocks.rock_shapes import RockShape
 from ...physics.scene_requirements import needs_shelter
 from ...physics.surfaces.fallen_frost import find_origin
@@ -19,6 +19,7 @@ from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.steps import Steps, finish
+from ..datablocks.mesh_arrays import read_property
 
 #: Attribute of vertices: the share of falling grains that other ground and rocks keep away. A mesh without it has none.
 SHELTERED = "icymoon_sheltered"
@@ -74,11 +75,9 @@ def _find_exposed(
 
 
 def _read_shape(mesh: bpy.types.Mesh) -> Shape:
-    vertices, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.loops), np.int32)
-    mesh.attributes["position"].data.foreach_get("vector", vertices)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
-    triangles = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("loops", triangles)
+    vertices = read_property(mesh.attributes["position"].data, "vector", width=3)
+    corners = read_property(mesh.attributes[".corner_vert"].data, "value", np.int32)
+    triangles = read_property(mesh.loop_triangles, "loops", np.int32, 3)
     return _make_shape(vertices.reshape(-1, 3), corners[triangles].reshape(-1, 3))
 
 
@@ -96,9 +95,7 @@ def _place_rocks(rocks: Rocks | None, shapes: Sequence[Sequence[RockShape]]) -> 
     """The rocks as instances of their shapes."""
     if rocks is None or not len(rocks.shape):
         return []
-    matrices = np.tile(np.eye(4), (len(rocks.shape), 1, 1))
-    matrices[:, :3, :3] = euler_matrices(rocks.rotation) * rocks.scale_m[:, None, :]
-    matrices[:, :3, 3] = rocks.position_m
+    matrices = make_instance_matrices(rocks.position_m, rocks.rotation, rocks.scale_m)
     found = []
     for level, shape in sorted(set(zip(rocks.level.tolist(), rocks.shape.tolist(), strict=True))):
         these = np.flatnonzero((rocks.level == level) & (rocks.shape == shape))

@@ -147,6 +147,14 @@ def euler_matrices(angles: Array) -> Array:
     return _rotation_about(2, angles[:, 2]) @ _rotation_about(1, angles[:, 1]) @ _rotation_about(0, angles[:, 0])
 
 
+def make_instance_matrices(position: Array, rotation: Array, scale: Array) -> Array:
+    """Matrices (n, 4, 4) of instances from positions, Euler angles in radians and scales, all (n, 3)."""
+    matrices = np.tile(np.eye(4), (len(position), 1, 1))
+    matrices[:, :3, :3] = euler_matrices(rotation) * scale[:, None, :]
+    matrices[:, :3, 3] = position
+    return matrices
+
+
 def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
     """Unit normals (n, 3) of the ground under footprints, and the height (n,) at their centres of planes with these
     normals through the deepest sampled point; NaN if the centre is off the ground."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.mesh.vertex_rings import VertexRings
 from ...physics.random_numbers.seeds import make_generator
-from ...physics.rocks.place_rocks import draw_footprints, euler_matrices, scatter_rocks
+from ...physics.rocks.place_rocks import draw_footprints, make_instance_matrices, scatter_rocks
 from ...physics.rocks.rock_shapes import FAMILIES, RockShape, make_rock_shapes
 from ...physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from ...physics.surfaces.photometry import Law, lunar_lambert
@@ -320,7 +320,7 @@ def _lay_rocks(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[f
     )
     if not len(rocks.shape):
         return []
-    matrices = _make_matrices(rocks.position_m, rocks.rotation, rocks.scale_m)
+    matrices = make_instance_matrices(rocks.position_m, rocks.rotation, rocks.scale_m)
     return _place_shapes(shapes[_ROCK_LEVEL], rocks.shape, matrices, ROCK)
 
 
@@ -336,14 +336,6 @@ def _make_skirts(settings: Settings, terrain: Terrain, seed: int, place_m: tuple
 
 #: Maximum number of rocks on a ground.
 _MAX_ROCKS = 600
-
-
-def _make_matrices(position: Array, rotation: Array, scale: Array) -> Array:
-    """Matrices (n, 4, 4) of instances from positions, Euler angles and scales (n, 3)."""
-    matrices = np.tile(np.eye(4), (len(position), 1, 1))
-    matrices[:, :3, :3] = euler_matrices(rotation) * scale[:, None, :]
-    matrices[:, :3, 3] = position
-    return matrices
 
 
 def _place_shapes(shapes: tuple[RockShape, ...], which: Array, matrices: Array, label: int) -> list[Placed]:
@@ -370,7 +362,7 @@ def _place_odd_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
     position = np.stack([x, y, terrain.heights(x, y, 0.05) + above], axis=1)
     rotation = random.uniform(-np.pi, np.pi, (n, 3)) * np.where(random.random((n, 1)) < 0.5, 1.0, [0.1, 0.1, 1.0])
     return _place_shapes(
-        shapes, random.integers(0, len(shapes), n), _make_matrices(position, rotation, scale), OTHER_SHAPE
+        shapes, random.integers(0, len(shapes), n), make_instance_matrices(position, rotation, scale), OTHER_SHAPE
     )
 
 
