@@ -10,6 +10,7 @@ import numpy as np
 
 from ..stereo.pair_views import describe_darkness
 from ..support.arrays import Array
+from ..support.srgb import to_srgb
 
 #: Camera images are shown as matchers get them; a stretch would hide how dark they are.
 AS_RECORDED = "as recorded, not stretched"
@@ -39,7 +40,4 @@ def _read_levels(image: bpy.types.Image) -> Array:
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)
     levels = values.reshape(-1, image.channels)[:, : min(3, image.channels)].mean(axis=1)
-    if not image.is_float:
-        return levels
-    # Blender stores an image of 16 bits as linear light.
-    return np.where(levels <= 0.0031308, 12.92 * levels, 1.055 * np.maximum(levels, 0.0) ** (1 / 2.4) - 0.055)
+    return to_srgb(levels) if image.is_float else levels  # Blender stores an image of 16 bits as linear light

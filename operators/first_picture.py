@@ -18,6 +18,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 from ..nodes import build_scene as scenes
 from ..support.blender import compat
+from ..support.srgb import from_srgb
 from .window_areas import redraw
 
 #: Number of draws of the view with the fine ground before the picture is removed: one for a light path of each pixel,
@@ -81,7 +82,7 @@ def _read_texture(path: Path) -> gpu.types.GPUTexture:
     try:
         found = pictures.load(path.name, str(path), "IMAGE")
         shown = np.array(found.image_pixels_float, np.float32).reshape(-1, 4)
-        light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)  # of sRGB
+        light = from_srgb(shown)
         light[:, 3] = 1.0
         values = gpu.types.Buffer("FLOAT", light.size, light.ravel().tolist())
         return gpu.types.GPUTexture(tuple(found.image_size), format="RGBA16F", data=values)

@@ -21,6 +21,7 @@ from ..support.cache_folder import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
 from ..support.file_schemas import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
 from ..support.files import PART_SUFFIX, explain_disk_errors, hash_file, hash_file_once, write_bytes, write_json
+from ..support.srgb import to_srgb
 from ..support.system import remove
 from .reconstructions import reconstruct
 from .shown_items import RECIPE_NUMBER
@@ -139,8 +140,3 @@ def _encode_mesh(item: MeshItem) -> tuple[float, dict[str, bytes]]:
 def _to_8_bit_levels(values: Array) -> Array:
     """Values from 0 to 1 as levels of 8 bits."""
     return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def to_srgb(linear: Array) -> Array:
-    """Values of sRGB, 0 to 1, of linear ones (IEC 61966-2-1)."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)

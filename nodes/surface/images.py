@@ -27,6 +27,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_json, parse_part, read
 from ...support.labels import UV_LAYER
+from ...support.srgb import from_srgb
 
 #: Custom properties: the key of an image, and the mean of its linear values.
 _KEY_PROPERTY, _MEAN_PROPERTY = "icymoon_key", "icymoon_mean"
@@ -269,5 +270,5 @@ def _to_linear(image: bpy.types.Image, pixels: Array) -> Array:
     """Linear values (..., 3) of pixels (..., channels) of an image."""
     values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if image.colorspace_settings.name == "sRGB" and not image.is_float:
-        values = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+        values = from_srgb(values)
     return values
