@@ -105,14 +105,21 @@ DEPTH_ENDS = "ends at 1 and 99 %"
 
 def make_depth_scale(truth: Array) -> Scale:
     """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m), wider for a flat
-    ground. Its title states percentiles."""
+    ground."""
     known = truth[np.isfinite(truth)]
     if not known.size:
         return Scale(1.0, 10.0)
     low, high = (float(q) for q in np.quantile(known, _DEPTH_QUANTILES))
     if high < low * 1.05:
         return Scale(low / 1.05, high * 1.05)
-    return Scale(low, high, title=f"Depth (m), log, {DEPTH_ENDS}")
+    return name_depth_scale(low, high, float(known.min()), float(known.max()))
+
+
+def name_depth_scale(low: float, high: float, nearest: float, farthest: float) -> Scale:
+    """The scale from ``low`` to ``high`` for depths from ``nearest`` to ``farthest``, all in metres. Its title states
+    percentiles if depths lie beyond an end."""
+    cut = nearest < low or high < farthest
+    return Scale(low, high, title=f"Depth (m), log, {DEPTH_ENDS}" if cut else Scale.title)
 
 
 def draw_depth(depth: Array, scale: Scale) -> Array:

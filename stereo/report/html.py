@@ -263,7 +263,9 @@ def _make_pair_section(
     facts: Mapping[str, Any], report: Mapping[str, Any], table: ResultTable, out: Path
 ) -> dict[str, Any]:
     height = facts["height_px"]
-    scale = colours.Scale(*facts["depth_scale_m"])
+    low, high = facts["depth_scale_m"]
+    nearest, _, farthest = facts["depth_m"] or (low, low, high)
+    scale = colours.name_depth_scale(low, high, nearest, farthest)
     start = table.pairs.index(facts["pair"]) * len(table.methods)
     rows = report["rows"][start : start + len(table.methods)]
     return {

@@ -181,6 +181,7 @@ def test_evaluate_at_a_terminal(inputs, tmp_path):
     assert "> 1 px or missing (%)" in result.stdout
     assert "One scene" in result.stdout
     assert result.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
+    assert "Depth (m), log, ends at 1 and 99 %" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Traceback" not in result.stderr
 
 
