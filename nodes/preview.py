@@ -125,7 +125,7 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
 
 def make_coarse(settings: Settings) -> Steps[MadeObjects]:
     """Make in steps what ``build_coarse`` makes of settings without ground from a file, for ``put_coarse_in_scene``."""
-    ground = yield partial(mesh_whole_ground, scenes.make_ground, settings, _mesh_for_choice)
+    ground = yield partial(mesh_whole_ground, make_paths_absolute(settings), _mesh_for_choice)
     return (yield from scenes.make_in_memory(settings, ground))
 
 

@@ -138,7 +138,7 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeO
     sky = compute_scene_sky(settings)
     own = load_ground(settings, make_ground) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    ground = own or meshed or (yield partial(mesh_whole_ground, make_ground, settings))
+    ground = own or meshed or (yield partial(mesh_whole_ground, make_paths_absolute(settings)))
     site_m, warnings = _find_site(settings, ground.surface, own)
     warnings += [
         *hapke_warnings,
@@ -248,13 +248,13 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
 def _add_rocks(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> Steps[int]:
     """Add the object whose points are the rocks on the ground, and warnings about them; return the number of rocks that
     lost support by an excavation."""
-    terrain = made.objects[0]
+    terrain, absolute = made.objects[0], make_paths_absolute(settings)
     if isinstance(ground, MeshedGround) and is_coarse(ground):  # no mesh is read, so a thread may place the rocks
         height_at = ground.find_coarse_heights(settings.terrain)
-        shapes, rocks, moved = yield partial(_place_rocks, settings, ground, height_at)
+        shapes, rocks, moved = yield partial(_place_rocks, absolute, ground, height_at)
     else:
         with probe_heights(terrain) as height_at:
-            shapes, rocks, moved = _place_rocks(settings, ground, height_at)
+            shapes, rocks, moved = _place_rocks(absolute, ground, height_at)
     yield from mark_shelter_in_steps(terrain.data, settings.surface, rocks, shapes)
     ice = build_rock_material(settings, terrain.data)
     made.unfinished = [ice]
@@ -270,8 +270,9 @@ def _place_rocks(
     settings: Settings, ground: MeshedGround | UserGround, height_at: HeightAt
 ) -> tuple[tuple[tuple[RockShape, ...], ...], Rocks, int]:
     """The shapes of the rocks, the rocks on ground of the heights ``height_at``, and the number of rocks that lost
-    support by an excavation."""
-    seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
+    support by an excavation. Paths in ``settings`` are absolute, and any thread may call this if it may call
+    ``height_at``."""
+    seed, wanted, rig = int(settings.dataset.seed), settings.rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
     clear = rig.x_m, rig.y_m, wanted.clear_radius_m
     bare, whole, most_seen, moved = height_at, height_at, None, 0

@@ -8,8 +8,10 @@ that is built. There is no render.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -149,9 +151,10 @@ def make_small_eye(built: scenes.Built, settings: Settings) -> Eye:
     )
 
 
-def measure_shares(world: World, eye: Eye, suns: Array) -> Array:
-    """The lit shares of ``measure_sunlit_shares``, in any thread. Raises IcyMoonError without Embree."""
-    tracer = open_tracer(world, compat.list_library_folders())
+def measure_shares(world: World, eye: Eye, suns: Array, folders: Sequence[Path]) -> Array:
+    """The lit shares of ``measure_sunlit_shares``, in any thread; Embree may be in one of ``folders``. Raises
+    IcyMoonError without Embree."""
+    tracer = open_tracer(world, folders)
     try:
         return measure_sunlit_shares(world, tracer, eye, suns, _NEAR_M)
     finally:
@@ -173,6 +176,7 @@ def _start(scene: bpy.types.Scene) -> jobs.Job | None:
         read_ground(built),
         make_small_eye(built, settings),
         list_suns(np.array(sun["direction_to_world"])),
+        compat.list_library_folders(),  # not in the thread, which may ask Blender nothing
     )
     uid = scene.session_uid
 

@@ -21,13 +21,13 @@ from ...physics.excavation.dig_grid import ExcavationGrid
 from ...physics.excavation.scoop_paths import JOINTS
 from ...physics.mesh.hole_for_trench import cut_hole, is_inside_loop, list_grid_rim
 from ...physics.rocks.place_rocks import HeightAt
-from ...physics.terrain.terrain import Terrain
+from ...physics.terrain.terrain import Terrain, make_terrain
 from ...settings import rebuilt_parts
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
+from ...settings.user_files import hash_content
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ..datablocks.blend_file_paths import hash_content, make_paths_absolute
 from .terrain_mesh import MeshedGround, mesh_ground
 
 #: Names of attributes: depth of dug ground below the untouched surface, m, and presence of spoil.
@@ -117,21 +117,20 @@ class _PreparedGroundCache:
 
 
 def mesh_whole_ground(
-    make: Callable[[Settings], Terrain],
-    settings: Settings,
-    mesh: Callable[[Terrain, Settings], MeshedGround] = mesh_ground,
+    settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround] = mesh_ground
 ) -> MeshedGround:
     """Procedural ground with its mesh, dug if ``settings`` have an excavation; any thread may call it.
 
+    Paths in ``settings`` are absolute, since only the main thread may ask Blender for the folder of the open file.
     ``mesh`` makes the mesh of untouched ground. Raises IcyMoonError if it cannot be dug, ValueError if a height is not
     finite.
     """
     if not sites.is_dug(settings):
-        return mesh(make(settings), settings)
+        return mesh(_make_untouched(settings), settings)
     if reasons := sites.find_refusals(settings):
         raise IcyMoonError(" ".join(reasons))
     with _PreparedGroundCache.lock:
-        prepared = _prepare_ground(make, settings, mesh)
+        prepared = _prepare_ground(settings, mesh)
         return _dig_state(prepared, int(settings.excavation.state))
 
 
@@ -141,14 +140,15 @@ def _make_ground_key(settings: Settings, fine: bool = True) -> str:
     return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings), fine], sort_keys=True)
 
 
-def _prepare_ground(
-    make: Callable[[Settings], Terrain], settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround]
-) -> _Prepared:
-    settings = make_paths_absolute(settings)
+def _make_untouched(settings: Settings) -> Terrain:
+    return make_terrain(settings, int(settings.dataset.seed))
+
+
+def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround]) -> _Prepared:
     key = _make_ground_key(settings, mesh is mesh_ground)
     if _PreparedGroundCache.prepared is None or _PreparedGroundCache.prepared.key != key:
         _PreparedGroundCache.prepared = None  # its memory is needed now
-        made = mesh(make(settings), settings)
+        made = mesh(_make_untouched(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)

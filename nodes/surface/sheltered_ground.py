@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -56,17 +57,22 @@ def mark_shelter_in_steps(
         if existing is not None:
             mesh.attributes.remove(existing)
         return
-    exposed = yield partial(_find_exposed, _read_shape(mesh), surface, rocks, shapes)
+    folders = compat.list_library_folders()  # not in the thread, which may ask Blender nothing
+    exposed = yield partial(_find_exposed, _read_shape(mesh), surface, rocks, shapes, folders)
     attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
     attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
 
 
 def _find_exposed(
-    ground: Shape, surface: SurfaceSettings, rocks: Rocks | None, shapes: Sequence[Sequence[RockShape]]
+    ground: Shape,
+    surface: SurfaceSettings,
+    rocks: Rocks | None,
+    shapes: Sequence[Sequence[RockShape]],
+    folders: Sequence[Path],
 ) -> Array:
-    """Shares (n,) of the falling grains that reach the vertices of the ground."""
+    """Shares (n,) of the falling grains that reach the vertices of the ground; Embree may be in one of ``folders``."""
     world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *_place_rocks(rocks, shapes)])
-    tracer = open_tracer(world, compat.list_library_folders())
+    tracer = open_tracer(world, folders)
     try:
         directions = list_directions(find_origin(surface), surface.frost_spread_deg)
         return find_exposed(world, tracer, ground.vertices, directions)

@@ -23,6 +23,7 @@ from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import Outcome, advance, call, finish
 from stand_ins import stand_in
+from thread_asks import list_asks_of_threads
 
 TIMER = stand_in(type="TIMER", value="NOTHING")
 ESCAPE = stand_in(type="ESC", value="PRESS")
@@ -157,6 +158,21 @@ def test_a_defect_in_the_thread_ends_the_operator_and_changes_nothing(rocky, mon
     assert "ended by an error (ZeroDivisionError: no step)" in operator.said[-1]
     assert everything() == before
     assert session.building is None
+
+
+@pytest.mark.parametrize("path", ["NONE", "LINE"])
+def test_its_threads_ask_blender_nothing(rocky, monkeypatch, path):
+    """A stopped build's thread runs on while another file is opened, and Blender then frees what it would read."""
+    rocky.icymoon.rocks.skirt = 0.3
+    rocky.icymoon.excavation.path = path
+    rocky.icymoon.surface.model, rocky.icymoon.surface.frost_share = "PRINCIPLED", 0.5
+    rocky.icymoon.surface.frost_from = "FALL"
+    asked, calls = list_asks_of_threads(monkeypatch), []
+    monkeypatch.setattr(work_in_pieces, "call", lambda work: calls.append(work.func.__name__) or call(work))
+    job = wait(begin(rocky))
+    assert not job.failure
+    assert {"mesh_whole_ground", "_place_rocks", "_find_exposed"} <= set(calls)
+    assert asked == []
 
 
 def test_a_scene_that_is_deleted_meanwhile_is_a_sentence(rocky):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import bpy
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from icymoon.physics.light.directions import direction_toward
 from icymoon.render.tree_tracer import TreeTracer
 from icymoon.settings.description import defaults, merged
 from mathutils import Vector
+from thread_asks import list_asks_of_threads
 
 LOW_SUN = {"light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 300.0}}
 
@@ -72,3 +75,16 @@ def test_a_built_scene(small):
     cube.location.x += 10.0
     bpy.context.view_layer.update()
     assert live_preview.list_lines(scene) == status
+
+
+def test_its_thread_asks_blender_nothing(small, monkeypatch):
+    """It runs on while another file is opened, and Blender then frees what it would read."""
+    small.icymoon.light.sun_elevation_deg = 0.5
+    bpy.ops.icymoon.build_scene()
+    asked = list_asks_of_threads(monkeypatch)
+    monkeypatch.setattr(shadow_warning, "has_window", lambda: True)
+    shadow_warning.schedule_check(small)
+    while shadow_warning._trace_next() is not None:
+        time.sleep(0.001)
+    assert asked == []
+    assert session.shadow_notes[small.session_uid]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.nodes.build_scene import make_ground
 from icymoon.nodes.change_scene import open_empty_scene
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
@@ -24,7 +23,7 @@ FINE = {
 
 
 def dug(*more, **changes):
-    return mesh_whole_ground(make_ground, complete({"excavation": DUG | changes}, *more))
+    return mesh_whole_ground(complete({"excavation": DUG | changes}, *more))
 
 
 def volume_m3(positions, faces):
@@ -190,7 +189,7 @@ def test_a_rock_over_the_trench_falls_to_its_floor():
 
 
 def test_ground_that_overhangs_at_the_rim_is_a_sentence_with_its_fix():
-    made, grid = mesh_whole_ground(make_ground, complete()), dug(state=0).grid
+    made, grid = mesh_whole_ground(complete()), dug(state=0).grid
     step = float(np.diff(np.unique(made.positions[:, 0].round(6))).min())
     shift = np.random.default_rng(1).normal(0.0, step, made.positions.shape) * (1.0, 1.0, 0.0)
     folded = replace(made, positions=made.positions + shift)
