@@ -335,19 +335,24 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
     )
     add_maps_option(command)
-    command.add_argument(
-        "--confidence",
-        default="own",
-        metavar="MEASURES",
-        help="how well confidence tells errors: own (what the matcher states), left-right (one more run of each "
-        "matcher), sweep (three more), several with commas, or none (%(default)s)",
-    )
+    _add_confidence_option(command)
     add_json_lines(command)
     command.add_argument(
         "--follow",
         action="store_true",
         help="measure pairs of a data set as they are rendered, at a "
         "lower priority and without a report, until the standard input ends",
+    )
+
+
+def _add_confidence_option(command: argparse.ArgumentParser) -> None:
+    """Add the option that ``_read_confidence_measures`` reads."""
+    command.add_argument(
+        "--confidence",
+        default="own",
+        metavar="MEASURES",
+        help="how well confidence tells errors: own (what the matcher states), left-right (one more run of each "
+        "matcher), sweep (three more), several with commas, or none (%(default)s)",
     )
 
 
@@ -480,6 +485,7 @@ def add_fuse_options(command: argparse.ArgumentParser, out_needed: bool = True) 
     _add_report_folder(command, "" if out_needed else "fusion")
     command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
     command.add_argument("--jobs", type=int, metavar="N", help="processes that measure pairs (one for each processor)")
+    _add_confidence_option(command)
     add_json_lines(command)
     command.set_defaults(predictions=[], dask=None, maps=None, points=False, guiss=False)
 

@@ -34,7 +34,7 @@ def make_result_row(
         "method": method.label,
         "key": key,
         "status": "ok" if prepared.check.ok else "suspect",
-        **measure_row_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+        **measure_row_numbers(prepared, disparity, _find_bm_least(method, info)),
         **measure_plugin_metrics(prepared, disparity),
         **make_confidence_entries(disparity, prepared.pair.camera.disparity(prepared.truth), confidences),
         "common": {},
@@ -46,6 +46,12 @@ def make_result_row(
         "error": "",
         "images": {},
     }
+
+
+def _find_bm_least(method: Method, info: Mapping[str, Any]) -> int | None:
+    """The least disparity of a map that StereoBM alone computed; None for other maps, also those joined with range
+    points, in which failed matches have no mark."""
+    return info["options"]["min_disparity"] if method.name == "bm" and method.lidar is None else None
 
 
 def make_failed_row(pair: str, method: Method, key: str, message: str) -> Row:

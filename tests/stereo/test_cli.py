@@ -212,6 +212,16 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert report["rows"][0]["options"]["window"] == 21
 
 
+def test_fuse_writes_its_curves_and_the_report_of_its_methods(inputs, tmp_path):
+    options = ("--methods", "bm", "--points", "50,200", "--jobs", 1, "--json-lines")
+    result = run("fuse", inputs / "set", *options, "--out", tmp_path / "out")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert (tmp_path / "out" / "fusion.csv").read_text().startswith("pair,")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert len(report["rows"]) == 5  # the matcher, and for both numbers of points the LiDAR alone and the two joined
+    assert {row["status"] for row in report["rows"]} == {"ok"}
+
+
 def test_measures_of_confidence_are_named_in_any_order():
     assert cli._read_confidence_measures("sweep, own") == ["own", "sweep"]
     assert cli._read_confidence_measures("left-right") == ["left_right"]
