@@ -85,6 +85,16 @@ class Medium:
         return self.transport_m / 3.0
 
 
+def check_snow(grain_radius_m: float | None, density_kg_m3: float | None) -> None:
+    """Raise IcyMoonError for a radius of grains or a density that no snow has; None is not stated."""
+    if grain_radius_m is not None and not 0.0 < grain_radius_m <= 0.1:
+        raise IcyMoonError(f"The grain radius is {grain_radius_m:g} m; give more than 0 and at most 0.1 m.")
+    if density_kg_m3 is not None and not 0.0 < density_kg_m3 <= ICE_KG_M3:
+        raise IcyMoonError(
+            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most {ICE_KG_M3:g}, as ice has."
+        )
+
+
 def make_snow(
     grain_radius_m: float, density_kg_m3: float, wavelength_nm: float, asymmetry: float = SNOW_ASYMMETRY
 ) -> Medium:
@@ -95,12 +105,7 @@ def make_snow(
     Light is slower by the same paths: the delay index is 1 - φ + B φ n, by the energy that ice holds in even light. The
     index is derived, not measured. Raises IcyMoonError for a radius or density that no snow has.
     """
-    if not 0.0 < grain_radius_m <= 0.1:
-        raise IcyMoonError(f"The grain radius is {grain_radius_m:g} m; give more than 0 and at most 0.1 m.")
-    if not 0.0 < density_kg_m3 <= ICE_KG_M3:
-        raise IcyMoonError(
-            f"The density of snow is {density_kg_m3:g} kg/m³; give more than 0 and at most {ICE_KG_M3:g}, as ice has."
-        )
+    check_snow(grain_radius_m, density_kg_m3)
     share = density_kg_m3 / ICE_KG_M3
     return Medium(
         f"snow of {grain_radius_m * 1e6:g} µm and {density_kg_m3:g} kg/m³",

@@ -6,7 +6,7 @@ from ...settings.topics.scene import Settings
 from ...support.labels import ROCK, TERRAIN
 from .backscatter import Backscatter
 from .instrument import Instrument
-from .light_in_ice import Medium, find_medium, make_snow
+from .light_in_ice import Medium, check_snow, find_medium, make_snow
 from .sun_background import background_photons_1_s
 
 
@@ -17,7 +17,8 @@ def find_scene_media(
 
     Grains and bubbles come from the settings of each surface; a grain radius in metres makes both surfaces snow. The
     default density of snow is from the excavation's settings, the only density that a scene states. Raises IcyMoonError
-    for grains, densities and wavelengths outside the tables."""
+    for grains, densities and wavelengths outside the tables, also where no surface is snow."""
+    check_snow(grain_radius_m, density_kg_m3)
     density = float(settings.excavation.density_kg_m3) if density_kg_m3 is None else density_kg_m3
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     media, words = {}, {}

@@ -36,7 +36,9 @@ class Pattern:
 
     def make(self, projector: Projector) -> Array:
         """The patterns, (count, rows, columns). Raises IcyMoonError for an unknown kind and for numbers that give no
-        pattern."""
+        pattern, also those of another kind, since pairs state all of them."""
+        _check_dot(self.dot_px)
+        _check_period(self.period_px)
         if self.kind == "DOTS":
             return make_dots(projector, self.dots, self.dot_px, self.seed)[None]
         if self.kind == "STRIPES":
@@ -51,8 +53,7 @@ def make_dots(projector: Projector, count: int, size_px: float, seed: int) -> Ar
     same seed gives the same dots."""
     if count < 1 or count > projector.columns * projector.rows:
         raise IcyMoonError(f"The projector has {count} dots; give 1 to {projector.columns * projector.rows}.")
-    if not 0.5 <= size_px <= 1000:
-        raise IcyMoonError(f"The projector's dots are {size_px:g} pixels wide; give 0.5 to 1000.")
+    _check_dot(size_px)
     across = max(1, round(math.sqrt(count * projector.columns / projector.rows)))
     down = max(1, round(count / across))
     random = np.random.default_rng([seed, 45])
@@ -95,6 +96,11 @@ def make_gray_and_phase(projector: Projector, period_px: float, shifts: int) -> 
     rows += [(gray >> bit & 1).astype(float) for bit in range(bits - 1, -1, -1)]
     flat = [np.tile(row.astype(np.float32), (projector.rows, 1)) for row in rows]
     return np.stack(flat + [make_stripes(projector, period_px, 2 * np.pi * n / shifts) for n in range(shifts)])
+
+
+def _check_dot(size_px: float) -> None:
+    if not 0.5 <= size_px <= 1000:
+        raise IcyMoonError(f"The projector's dots are {size_px:g} pixels wide; give 0.5 to 1000.")
 
 
 def _check_period(period_px: float) -> None:

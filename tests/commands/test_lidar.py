@@ -24,6 +24,7 @@ from lidar_scans import write_folder
         (["--set", "terrain.size_m=-1"], "terrain.size_m"),
         (["--grain-um", "0"], "grain radius is 0 m"),
         (["--grain-um", "100", "--density", "2000"], "density of snow is 2000"),
+        (["--density", "nan"], "density of snow is nan"),
         (["--seed", "-1"], "--seed is -1"),
         (["--lidar", "elsa", "--waveforms", "64"], "counts single photons, so it has no waveform"),
         (["--without", "detector", "--waveforms", "64"], "do not leave the detector out, or ask for no waveforms"),

@@ -42,9 +42,11 @@ def test_a_projector_in_the_ground_is_told_by_its_option():
         (["--pattern", "gray_phase", "--transport-mm", "nan"], "--transport-mm is nan; give more than 0"),
         (["--pattern", "gray_phase", "--transport-mm", "0"], "--transport-mm is 0; give more than 0"),
         (["--transport-mm", "5"], "add --pattern gray_phase"),
+        (["--period-px", "nan"], "period of nan pixels; give 4 or more"),
+        (["--pattern", "stripes", "--dot-px", "inf"], "dots are inf pixels wide; give 0.5 to 1000"),
     ],
 )
-def test_a_transport_length_that_has_no_use_is_refused_before_the_render(words, part, tmp_path, capsys):
+def test_numbers_that_have_no_use_are_refused_before_the_render(words, part, tmp_path, capsys):
     assert main(["projector", *words, "--out", str(tmp_path / "out"), "--blender", "/nowhere/blender"]) == 1
     assert part in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
