@@ -256,8 +256,8 @@ def _put_in_place(
     return objects, named
 
 
-def _find_material(item: bpy.types.Object) -> list[bpy.types.Material]:
-    """The material of the ground or of the rocks."""
+def _find_material(item: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The material of the ground or of the rocks, None if it was removed."""
     meshes = [each.data for each in (item, *find_instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
     return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
 
@@ -381,7 +381,7 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
     all are removed.
     """
     try:
-        if not made.is_there():
+        if not made.is_there() or any(None in _find_material(item) for item in made.objects):
             raise IcyMoonError("Parts of the new scene were removed while it was built; press Build Scene again.")
         collection, there, ours = _find_place(scene, made.objects)
         first = collection is None

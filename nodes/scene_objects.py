@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -84,17 +83,23 @@ class MadeObjects:
 
     def is_there(self) -> bool:
         """Whether no object was removed since it was made, for example by *Purge Unused Data*."""
-        try:
-            return all(block is not None and block.name for block in (*self.objects, self.sky))
-        except ReferenceError:
-            return False
+        return all(block is not None and _exists(block) for block in (*self.objects, self.sky))
 
     def remove(self) -> None:
-        """Remove all that was made and is not in a scene; nothing if it is gone already, after undo for example."""
-        with suppress(ReferenceError):
-            self.keep_sky(False)
-            remove_objects(self.objects)
-            remove_unused(self.unfinished, [self.sky])
+        """Remove all that was made, is not in a scene, and was not removed already, by undo for example."""
+        if self.sky is not None and not _exists(self.sky):
+            self.sky = None
+        self.keep_sky(False)
+        remove_objects([item for item in self.objects if _exists(item)])
+        remove_unused([block for block in self.unfinished if _exists(block)], [self.sky])
+
+
+def _exists(block: bpy.types.ID) -> bool:
+    """Whether a data-block is in the file, and was not removed since it was made."""
+    try:
+        return bool(block.name)
+    except ReferenceError:
+        return False
 
 
 def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:

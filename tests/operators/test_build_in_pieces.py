@@ -197,6 +197,28 @@ def test_purging_unused_data_meanwhile_is_a_sentence(rocky):
     assert everything() == before
 
 
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("kind", ["objects", "materials"])
+def test_removing_one_part_meanwhile_removes_the_others(rocky, kind, again):
+    if again:
+        scenes.build_scene(rocky, settings(rocky))
+    before, pieces = everything(), count_pieces(rocky)
+    for pauses in range(2, pieces + 1):
+        old = set(getattr(bpy.data, kind))
+        job = wait(begin(rocky), pauses)
+        new = [block for block in getattr(bpy.data, kind) if block not in old]
+        if not new or not job.process.running:
+            job.cancel()
+            continue
+        getattr(bpy.data, kind).remove(new[0])
+        wait(job)
+        assert job.failure.startswith("Parts of the new scene were removed while it was built"), pauses
+        half_made = len(bpy.data.objects) - before["objects"]  # one that was to point at the removed one
+        assert half_made <= 1, pauses
+        bpy.ops.outliner.orphans_purge(do_recursive=True)
+        assert everything() == before, pauses
+
+
 @pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
 def test_ground_that_is_edited_meanwhile_stays(rocky, mode):
     built = scenes.build_scene(rocky, settings(rocky))
