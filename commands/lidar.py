@@ -122,24 +122,31 @@ def _scan(options: argparse.Namespace, kinds: list[str]) -> int:
     file = find_lidar(options.lidar).absolute()
     request = _make_request(options)
     lidar = request.read_scanner(file)
-    planned, out = _find_ground(options)
+    planned, out = _find_grounds(options)
     if "ice" not in request.without:
-        find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, request.grain_m, request.density_kg_m3)
-    discard_points(out / planned.id, kinds)
-    build_geometry([planned], out, options.blender, lambda message: None, str(file), request.to_json(), program="scan")
-    folder = out / planned.id
-    for kind in kinds:
-        write_scan(folder, kind)
+        wavelength_nm = lidar.instrument.wavelength_m * 1e9
+        find_scene_media(planned[0].settings, wavelength_nm, request.grain_m, request.density_kg_m3)
+    folders = [out / each.id for each in planned]
+    for folder in folders:
+        discard_points(folder, kinds)
+    build_geometry(planned, out, options.blender, lambda message: None, str(file), request.to_json(), program="scan")
+    for folder in folders:
+        for kind in kinds:
+            write_scan(folder, kind)
+        _tell_scan(folder, lidar.title)
+    return 0
+
+
+def _tell_scan(folder: Path, title: str) -> None:
     facts = read_facts(folder)
     lost, noise = facts.get("lost_returns"), ""
     if lost is not None:
         alarms = format_count(facts.get("false_alarms") or 0, "false alarm")
         noise = f"; the detector lost {lost} of the returns and has {alarms}"
     say(
-        f"{folder}: {lidar.title}, {format_count(facts['returns'], 'return')} of "
+        f"{folder}: {title}, {format_count(facts['returns'], 'return')} of "
         f"{format_count(facts['beams'], 'beam')}, {facts['beams_without_return']} without a return{noise}"
     )
-    return 0
 
 
 def _make_request(options: argparse.Namespace) -> ScanRequest:
@@ -167,13 +174,15 @@ def _make_request(options: argparse.Namespace) -> ScanRequest:
     )
 
 
-def _find_ground(options: argparse.Namespace) -> tuple[PlannedPair, Path]:
-    """The described or rendered pair whose ground is scanned, and the parent of the folder that its id names."""
+def _find_grounds(options: argparse.Namespace) -> tuple[list[PlannedPair], Path]:
+    """The described pairs, one for each heading, or the rendered pair, whose ground is scanned, and the parent of the
+    folders that their ids name. A stated pose has one heading."""
     if options.pair is None:
         if options.out is None:
             raise IcyMoonError("The scan has no folder to go to; give --out, or the folder of a rendered pair.")
         settings = read_settings(options)
-        return expand_headings(settings, hash_content(settings))[0], options.out
+        planned = list(expand_headings(settings, hash_content(settings)))
+        return planned[:1] if options.position else planned, options.out
     if options.preset or options.settings or options.overrides:
         raise IcyMoonError("A pair has its own settings; leave --preset, --settings and --set out, or the pair.")
     pair = read_pair(options.pair)
@@ -185,4 +194,4 @@ def _find_ground(options: argparse.Namespace) -> tuple[PlannedPair, Path]:
         raise IcyMoonError(f"{folder} has not the name of its pair, {pair.id}; rename it, or give --out.")
     if options.out is None:
         check_no_link(folder)
-    return PlannedPair(pair.id, pair.settings, 0.0), options.out or folder.parent
+    return [PlannedPair(pair.id, pair.settings, 0.0)], options.out or folder.parent

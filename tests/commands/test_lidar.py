@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from icymoon.commands import lidar
@@ -51,6 +53,25 @@ def test_ground_of_a_users_file_is_planned_with_its_content(tmp_path, monkeypatc
     settings = asked[0].settings
     assert asked[0].id == make_pair_id(settings, hash_content(settings))
     assert asked[0].id != make_pair_id(settings, "")
+
+
+@pytest.mark.parametrize(
+    ("pose", "count"), [([], 3), (["--position", "0", "0", "2", "--quaternion", "1", "0", "0", "0"], 1)]
+)
+def test_each_heading_is_scanned_and_told(pose, count, tmp_path, monkeypatch, capsys):
+    out, asked = tmp_path / "out", []
+
+    def scan(planned: Any, *words: Any, **more: Any) -> None:
+        asked.extend(planned)
+        for each in planned:
+            write_folder(out / each.id, measured=True)
+
+    monkeypatch.setattr(lidar, "build_geometry", scan)
+    assert main(["lidar", "--set", "dataset.headings=3", *pose, "--ply", "--out", str(out)]) == 0
+    assert len({each.id for each in asked}) == len({each.turn_deg for each in asked}) == count
+    told = capsys.readouterr().out.splitlines()
+    assert [line.split(": ")[0] for line in told] == [str(out / each.id) for each in asked]
+    assert all((out / each.id / "lidar.ply").is_file() for each in asked)
 
 
 def test_a_scan_that_is_there_is_written_in_other_formats(tmp_path, capsys):
