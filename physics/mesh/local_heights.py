@@ -14,12 +14,14 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
     """Heights (n,) in metres of points (n,) above the mean of all heights within a square of ``width_m`` around each,
     and whether (n,) they are known.
 
-    The mean counts equal areas, wherever points are dense, by the mean of each cell of a twelfth of the width. Points
-    outside the map of 2048 x 2048 cells around their middle are not known, and have 0.
+    The mean counts equal areas, wherever points are dense, by the mean of each cell of a twelfth of the width, or of
+    the extent of the points if that is smaller. Points outside the map of 2048 x 2048 cells around their middle are not
+    known, and have 0.
     """
-    cell = width_m / _CELLS_OF_WIDTH
     middle = (float(np.median(x_m)), float(np.median(y_m)))
-    half = min(max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max()), cell * _MAX_CELLS / 2)
+    extent = 2.0 * max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max())
+    cell = (min(width_m, extent) or width_m) / _CELLS_OF_WIDTH
+    half = min(extent, cell * _MAX_CELLS) / 2
     count = int(np.ceil(2.0 * half / cell)) + 1
     column, row = ((at - centre + half) / cell for at, centre in ((x_m, middle[0]), (y_m, middle[1])))
     known = (column >= 0.0) & (column <= count - 1) & (row >= 0.0) & (row <= count - 1)
@@ -31,16 +33,16 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
     heights = np.where(filled, total / np.maximum(points, 1), 0.0).reshape(count, count)
     areas = filled.reshape(count, count).astype(np.float64)
     above = np.zeros(len(z_m))
-    above[known] = z_m[known] - _sum_squares(heights, column, row) / _sum_squares(areas, column, row)
+    reach = width_m / cell / 2
+    above[known] = z_m[known] - _sum_squares(heights, column, row, reach) / _sum_squares(areas, column, row, reach)
     return above, known
 
 
-def _sum_squares(values: Array, column: Array, row: Array) -> Array:
-    """Integrals (n,) of a map (rows, columns) of square cells over squares of ``_CELLS_OF_WIDTH`` cells around places
-    (n,), in cells: the centre of cell 0 is at 0. There is nothing outside the map."""
+def _sum_squares(values: Array, column: Array, row: Array, reach: float) -> Array:
+    """Integrals (n,) of a map (rows, columns) of square cells over squares of twice ``reach`` cells around places (n,),
+    in cells: the centre of cell 0 is at 0. There is nothing outside the map."""
     total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     total[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
-    reach = _CELLS_OF_WIDTH / 2
 
     def integrate(down: Array, across: Array) -> Array:
         """The integral from the corner of the map; it is bilinear within a cell."""

@@ -52,6 +52,17 @@ def test_dense_points_count_no_more_than_others():
     assert denser[: len(x)][middle] == pytest.approx(even[middle], abs=0.02)
 
 
+@pytest.mark.parametrize("width_m", [30.0, 80.0, 100.0, 1e4])
+def test_a_width_beyond_the_ground_compares_with_the_mean_of_all_of_it(width_m):
+    x, y = square()
+    bump = np.exp(-((x - 1) ** 2 + y**2) / 2) + 0.5 * x
+    middle = np.hypot(x, y) < 0.5
+    above, known = measure_local_heights(x, y, bump, width_m)
+    assert known.all()
+    # The outermost of 13 cells are half outside, but count in full: the mean is off by up to a tenth of its parts.
+    assert (above - bump)[middle] == pytest.approx(-bump.mean(), abs=0.02)
+
+
 def test_points_far_from_the_others_are_not_known():
     x, y = square(5000, 1.0)
     above, known = measure_local_heights(np.append(x, 1e6), np.append(y, 0.0), np.append(0 * x, 3.0), 0.1)
