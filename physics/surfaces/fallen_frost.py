@@ -4,7 +4,7 @@ Without air, grains keep to parallel paths over a site. A surface with the unit 
 grains that fall on level, open ground, with the unit vector d to their origin. Grains that fall at random places, one
 on another, leave free the share exp(-tau) of a surface on which they would cover tau of its area if they did not
 overlap. So a share s of level, open ground becomes 1 - (1 - s)^x on a surface that gets x times the grains. Steep
-surfaces hold less: the share falls to 0 within 15 degrees of slope around the slope that holds half.
+surfaces hold less: the share falls to 0 over the slopes within 15 degrees of a stated one, smoothly with the cosine.
 
 The laws are geometry. The steepest slope that holds frost at 0.01 g, and the width of its limit, are guesses.
 """

@@ -237,9 +237,9 @@ class SurfaceSettings(Table, label="Ice"):
         "edge of ground that rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
         (0.0, 45.0), section=FALL, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
     frost_hold_deg: float = degrees(
-        "Steepest Frost", 50.0, 15.0, 90.0, "Slope that holds half of the grains that fall on it; slopes that are 15 "
-        "degrees steeper hold none. A guess: no slope of frost is known at 0.01 g", "material", (30.0, 75.0),
-        section=FALL, shown=PRINCIPLED, active=FALLEN, since="0.4")
+        "Steepest Frost", 50.0, 15.0, 90.0, "Slope in the middle of those that hold a part of the grains; "
+        "slopes 15 degrees steeper hold none, and 15 degrees gentler all. A guess: no slope of frost is known at "
+        "0.01 g", "material", (30.0, 75.0), section=FALL, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_patch_m: float = metres(
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
