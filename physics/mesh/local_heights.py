@@ -20,7 +20,8 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
     """
     middle = (float(np.median(x_m)), float(np.median(y_m)))
     extent = 2.0 * max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max())
-    cell = (min(width_m, extent) or width_m) / _CELLS_OF_WIDTH
+    span = min(width_m, extent) or width_m
+    cell = span / _CELLS_OF_WIDTH
     half = min(extent, cell * _MAX_CELLS) / 2
     count = int(np.ceil(2.0 * half / cell)) + 1
     column, row = ((at - centre + half) / cell for at, centre in ((x_m, middle[0]), (y_m, middle[1])))
@@ -33,7 +34,7 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
     heights = np.where(filled, total / np.maximum(points, 1), 0.0).reshape(count, count)
     areas = filled.reshape(count, count).astype(np.float64)
     above = np.zeros(len(z_m))
-    reach = width_m / cell / 2
+    reach = _CELLS_OF_WIDTH / 2 * (width_m / span)  # exact where the width is the span
     above[known] = z_m[known] - _sum_squares(heights, column, row, reach) / _sum_squares(areas, column, row, reach)
     return above, known
 
