@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 
@@ -40,9 +40,13 @@ class _Recording(ConditionScope):
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition on the settings of a scene."""
+    """A condition on the settings of a scene.
+
+    ``decide`` lists the settings that decide a combination of conditions; without it, all that ``test`` reads decide.
+    """
 
     test: Callable[[ConditionScope], bool]
+    decide: Callable[[ConditionScope], tuple[str, ...]] | None = None
 
     def __call__(self, root: object, topic: str) -> bool:
         """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
@@ -50,18 +54,31 @@ class Condition:
 
     def list_deciding(self, root: object, topic: str) -> tuple[str, ...]:
         """The settings (``topic.key``) whose present values decide whether the condition holds."""
+        if self.decide is not None:
+            return self.decide(ConditionScope(root, topic))
         asked = _Recording(root, topic)
         self.test(asked)
         return tuple(asked.names)
 
     def __and__(self, other: Condition) -> Condition:
-        return Condition(lambda asked: self.test(asked) and other.test(asked))
+        return Condition(
+            lambda asked: self.test(asked) and other.test(asked), partial(_list_deciding, (self, other), False)
+        )
 
     def __or__(self, other: Condition) -> Condition:
-        return Condition(lambda asked: self.test(asked) or other.test(asked))
+        return Condition(
+            lambda asked: self.test(asked) or other.test(asked), partial(_list_deciding, (self, other), True)
+        )
 
     def __invert__(self) -> Condition:
-        return Condition(lambda asked: not self.test(asked))
+        return Condition(lambda asked: not self.test(asked), self.decide)
+
+
+def _list_deciding(parts: tuple[Condition, ...], alone: bool, asked: ConditionScope) -> tuple[str, ...]:
+    """The settings that decide whether all or one of the ``parts`` hold: those of the first part with the result
+    ``alone``, which decides without the others; without such a part, those of all parts."""
+    deciding = next(((part,) for part in parts if part.test(asked) is alone), parts)
+    return tuple(dict.fromkeys(name for part in deciding for name in part.list_deciding(asked.root, asked.topic)))
 
 
 ALWAYS = Condition(lambda asked: True)

@@ -218,6 +218,18 @@ def test_the_second_of_two_conditions_is_asked_only_if_it_matters():
     assert asked == []
 
 
+def test_only_the_failing_part_of_a_condition_decides():
+    """Else a reason would name a setting that need not be changed, such as 'Frost is 0.3'."""
+    both = positive("count") & ticked("on")
+    names = "plain_thing.count", "plain_thing.on"
+    for count, on, deciding in ((1, False, names[1:]), (0, True, names[:1]), (0, False, names[:1]), (1, True, names)):
+        assert both.list_deciding(state(count=count, on=on), "plain_thing") == deciding
+        assert (~both).list_deciding(state(count=count, on=on), "plain_thing") == deciding
+    either = positive("count") | ticked("on")
+    for count, on, deciding in ((1, False, names[:1]), (0, True, names[1:]), (0, False, names)):
+        assert either.list_deciding(state(count=count, on=on), "plain_thing") == deciding
+
+
 def test_a_condition_tells_a_topic_from_another_with_the_same_settings():
     assert of_topic("plain_thing")(state(), "plain_thing")
     assert not of_topic("plain_thing")(state(), "other_thing")
