@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..operators.dialogs import SearchDialog
-from ..operators.sidebar_text import describe_place, describe_value
+from ..operators.sidebar_text import describe_place, describe_value, measure_line_length, remember_answers
 from ..settings.blender import scene_properties
 from ..settings.find_settings import find_settings
 from ..settings.table import TOPICS, list_all_settings
@@ -36,18 +36,25 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
     return f"Unused while {' and '.join(values)}" if values else f"Unused by {TOPICS[topic].label}"
 
 
+@remember_answers
+def sort_by_effect(found: Sequence[tuple[str, str]], settings: Settings) -> list[tuple[str, str]]:
+    """The settings (topic, key) that have an effect with the present settings, then the others, each in their order."""
+    return sorted(found, key=lambda name: TOPICS[name[0]].list_obstacles(name[1], settings) is not None)
+
+
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the field for words, and the settings and buttons that have these words.
 
     Buttons that have them in their text or place are above the settings, and those with them in the tooltip below.
+    Settings without an effect are below those that act.
     """
     row, typed = layout.row(align=True), getattr(context.window_manager, TYPED)
     row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting or Button")
     if not typed.strip():
         return
-    found, root = find_settings(typed), context.scene.icymoon
+    root = context.scene.icymoon
     settings = scene_properties.read_for_display(root)
-    buttons = find_buttons(typed)
+    found, buttons = sort_by_effect(find_settings(typed), settings), find_buttons(typed)
     drawn = buttons[:MAX_BUTTONS]
     _draw_buttons(layout, [each.button for each in drawn if each.near])
     for topic, key in found[:MAX_FOUND]:
@@ -71,7 +78,9 @@ def _draw_found(
 ) -> None:
     """Draw a setting below the name of its panel, grey with the reason where it has no effect."""
     setting, reason = TOPICS[topic][key], explain_obstacle(topic, key, settings)
-    layout.label(text=f"{describe_place(topic, setting).partition(' ▸ ')[0]}   {topic}.{key}")
+    place = describe_place(topic, setting).partition(" ▸ ")[0]
+    whole = f"{place}   {topic}.{key}"
+    layout.label(text=whole if len(whole) <= measure_line_length() else place)  # half a name would help nobody
     field = layout.row()
     field.enabled = not reason
     if setting.kind == "list":

@@ -126,8 +126,8 @@ _BY_PANEL: dict[str, tuple[tuple[Any, ...], ...]] = {
 }
 _BY_TOPIC: dict[str, tuple[tuple[Any, ...], ...]] = {
     "source": (
-        ("import_ground", "Import Ground…", (), "terrain height map mesh"),
-        ("object_as_ground", "Use Selected Object as Ground"),
+        ("import_ground", "Import Ground…", (), "own terrain height map mesh"),
+        ("object_as_ground", "Use Selected Object as Ground", (), "own mesh"),
         ("place_on_ground", "Place Site by Click", (("target", "SITE"),)),
     ),
     "rig": (
@@ -136,7 +136,7 @@ _BY_TOPIC: dict[str, tuple[tuple[Any, ...], ...]] = {
         ("place_on_ground", "Place Camera by Click", (("target", "CAMERA"),), "move"),
     ),
     "terrain": (("show_roughness", "Measured Roughness"),),
-    "rocks": (("object_as_rock", "Use Selected Object as Rock"),),
+    "rocks": (("object_as_rock", "Use Selected Object as Rock", (), "own mesh stone boulder"),),
     "excavation": (("place_on_ground", "Place Trench by Click", (("target", "TRENCH"),), "dig"),),
     "workspace": (("place_on_ground", "Place Workspace by Click", (("target", "WORKSPACE"),), "reach"),),
     "sensor": (("expose", "Show Camera Image", (), "develop picture"),),

@@ -41,7 +41,6 @@ class _TopicPanel(Sidebar):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, key = self.layout, self.topic.key
-        layout.active = key != "rock_surface" or context.scene.icymoon.rocks.own_surface
         if key in BEFORE:
             BEFORE[key](layout, context)
         draw_settings(layout, context.scene.icymoon, key, self.topic.main_keys)
@@ -62,7 +61,6 @@ class _SectionPanel(Sidebar):
 
     def draw(self, context: bpy.types.Context) -> None:
         root = context.scene.icymoon
-        self.layout.active = self.topic.key != "rock_surface" or root.rocks.own_surface
         if extra := IN_SECTION.get((self.topic.key, self.section.key)):
             extra(self.layout, context)
         draw_settings(self.layout, root, self.topic.key, self.topic.keys_in(self.section))

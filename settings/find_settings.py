@@ -66,9 +66,9 @@ class WordIndex:
 
     def _match_words(self, typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
         """The words of entries that match a typed word, with a distance: the word itself, words that begin with it, and
-        for three letters or more words that contain it."""
+        for four letters or more words that contain it. 'own' is in 'known' by chance."""
         beginning = frozenset(word for word in self._words if word.startswith(typed))
-        inside = frozenset(word for word in self._words if typed in word) if len(typed) > 2 else frozenset()
+        inside = frozenset(word for word in self._words if typed in word) if len(typed) > 3 else frozenset()
         return (0.0, frozenset({typed})), (_INSIDE / 2, beginning), (_INSIDE, inside)
 
     def _measure(self, entry: Entry, typed: str) -> float | None:

@@ -150,7 +150,8 @@ class Topic:
     inside: str = ""  # key of the topic whose panel contains the panel of this one
     brief: str = ""  # a shorter label, for narrow sidebars
     shown: Condition = ALWAYS
-    turned_on_by: str = ""  # key of the number that must be above 0 for the others to have an effect
+    #: The setting that must be above 0 or ticked for the others to have an effect; its key, or its name with a dot.
+    turned_on_by: str = ""
     plugin: str = ""  # package and version of the plug-in that it is of
 
     @cached_property

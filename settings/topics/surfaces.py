@@ -415,7 +415,7 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
     height_file: str = image_file("Height", "Image of heights, see Relief Height", shown=chosen("set", "OWN"))
 
 
-class RockSurfaceSettings(SurfaceSettings, label="Rock Ice", inside="rocks"):
+class RockSurfaceSettings(SurfaceSettings, label="Rock Ice", inside="rocks", turned_on_by="rocks.own_surface"):
     """Snow or ice of rocks that have their own surface."""
 
     __slots__ = ()

@@ -102,6 +102,8 @@ SOUGHT = {
     "render variations": ("icymoon.render_variations", "Vary This Scene"),
     "calibration": ("icymoon.read_calibration", "Stereo Camera"),
     "report": ("icymoon.open_report", "Stereo Error"),
+    "own rock": ("icymoon.object_as_rock", "Rocks"),
+    "own mesh": ("icymoon.object_as_ground", "Ground from a File"),
 }
 
 
@@ -208,6 +210,35 @@ def test_a_reason_names_what_decides(scene):
     assert explain("source", "scale") == "Unused while Ground from a File ▸ Source is Procedural"
     scene.icymoon.source.kind = "MESH"
     assert explain("source", "scale") == ""
+
+
+def test_settings_that_act_are_above_those_that_do_not(scene):
+    """'roughness' showed eight grey fields above the roughness of the ground."""
+    settings = scene_properties.read_settings(scene.icymoon)
+    found = find_setting.sort_by_effect(find_settings("roughness"), settings)
+    assert {*found} == {*find_settings("roughness")}
+    assert ("terrain", "rms_slope_deg") in found[:3]
+    idle = [find_setting.explain_obstacle(*name, settings) != "" for name in found]
+    assert idle == sorted(idle)
+    assert {*idle} == {False, True}
+    drawn_fields = [str(entry[1]) for entry in draw("roughness") if entry[0] == "prop"][1:]
+    assert drawn_fields == [f"icymoon.{topic}.{key}" for topic, key in found[: len(drawn_fields)]]
+
+
+def test_the_ice_of_rocks_is_idle_without_a_surface_of_their_own(scene):
+    """A frost of rocks without their own surface changed nothing, and no text said so."""
+    explain = lambda: find_setting.explain_obstacle(  # noqa: E731
+        "rock_surface", "frost_share", scene_properties.read_settings(scene.icymoon)
+    )
+    assert explain() == "Unused while Rocks ▸ Own Surface is off"
+    scene.icymoon.rocks.own_surface = True
+    assert explain() == ""
+
+
+def test_a_name_that_does_not_fit_is_left_out(scene, monkeypatch):
+    monkeypatch.setattr(find_setting, "measure_line_length", lambda: 22)
+    labels = {entry[2]["text"] for entry in draw("albedo") if entry[0] == "label"}
+    assert {"Rock Ice", "Ice   surface.albedo"} <= labels
 
 
 def test_each_grey_field_has_a_reason(scene):

@@ -392,7 +392,7 @@ CASES = [
     ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {GLOWING, *PRINCIPLED, *IDLE}),
     (
         "rock_surface",
-        {"rock_surface": {"model": "HAPKE"}},
+        {"rocks": {"own_surface": True}, "rock_surface": {"model": "HAPKE"}},
         "but",
         {"albedo", "lommel_seeliger_share", GLOWING, *PRINCIPLED, *IDLE},
     ),
@@ -450,6 +450,7 @@ CASES = [
     ),
     ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
     ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),
+    ("rock_surface", {}, "only", set()),
     ("workspace", {}, "only", {"cell_m"}),
     ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
     ("dataset", {}, "but", {"plan", "maps", "map_cell_m"}),
