@@ -49,9 +49,10 @@ _SETTING_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-
 _UNIT_SUFFIX = re.compile(r" [(][^)]*[)]$")
 #: Settings that a panel of another name shows, with that name.
 _OTHER_PANELS = {("dataset", "methods"): "Evaluation"}
-#: The space between a number and its unit, where a line must not break, and its temporary replacement.
-_SPACE_BEFORE_UNIT, _HELD_SPACE = (
-    re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"),
+#: Spaces where a line must not break, and their temporary replacement: between a number and its unit, before ▸, and
+#: after 'is'.
+_FIXED_SPACE, _HELD_SPACE = (
+    re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))| (?=▸)|(?<=\bis) "),
     "\u00a0",
 )
 
@@ -128,7 +129,8 @@ def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]
 
     Later lines begin with ``hang``. If the first line is indented, they are indented a little more.
     """
-    width = measure_line_length() - _ICON_CHARACTERS * icon
+    width = measure_line_length()
+    width -= (_ICON_CHARACTERS + (width < LINE)) * icon
     if len(text) <= width:
         return (text,)
     indent = len(text) - len(text.lstrip())
@@ -137,7 +139,7 @@ def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]
 
 @lru_cache(maxsize=256)
 def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
-    held = _SPACE_BEFORE_UNIT.sub(_HELD_SPACE, text)
+    held = _FIXED_SPACE.sub(_HELD_SPACE, text)
     return tuple(line.replace(_HELD_SPACE, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 

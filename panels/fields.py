@@ -21,6 +21,8 @@ _EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke",
 
 #: Characters that a number with its unit takes beside its label, and the margins of a choice, in a narrow sidebar.
 _VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
+#: Share of a line that the label of a text takes.
+_TEXT_LABEL_SHARE = 0.38
 #: Characters that the icon of a button takes.
 _ICON_CHARACTERS = 4
 #: Maximum number of reasons below the fields of a panel, and of settings that a reason names.
@@ -92,6 +94,13 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
 
     Why fields are grey follows below them, because fields must not move while the user drags one.
     """
+    draw_fields(layout, root, topic, keys)
+    for reason in explain_grey_fields(root, topic, keys):
+        draw_lines(layout, (reason,), "INFO")
+
+
+def draw_fields(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> None:
+    """As ``draw_settings``, without the reasons for grey fields, where another text explains them."""
     group = getattr(root, topic)
     for setting, acts, meaning in find_fields(root, topic, keys):
         row = layout.row()
@@ -102,8 +111,6 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
             draw_field(row, group, setting)
         if meaning:
             draw_sentence(layout, meaning)
-    for reason in explain_grey_fields(root, topic, keys):
-        draw_lines(layout, (reason,), "INFO")
 
 
 def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: object) -> None:
@@ -164,7 +171,7 @@ def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
         column.label(text=label if len(label) <= measure_line_length() else setting.label)
         _draw_value(column, group, setting)
     elif setting.kind in ("choice", "text"):
-        split = layout.split(factor=0.45 if setting.choices else 0.38)
+        split = layout.split(factor=0.45 if setting.choices else _TEXT_LABEL_SHARE)
         split.label(text=setting.label)
         _draw_value(split, group, setting)
     else:
@@ -190,6 +197,8 @@ def needs_label_line(setting: Setting, label: str) -> bool:
     """Return whether a label needs a separate line, whatever a number's value is, since fields must not move while the
     user drags it."""
     width = measure_line_length()
+    if setting.kind == "text" and not setting.choices and len(label) > _TEXT_LABEL_SHARE * width:
+        return True
     if width >= LINE or setting.kind == "bool":
         return False
     if setting.kind in ("choice", "text"):

@@ -120,6 +120,16 @@ def test_no_number_is_parted_from_its_unit(measure):
         assert " ".join(lines) == text
 
 
+@pytest.mark.parametrize("held", ["is 0", "is -0.5", "is off", "Light ▸"])
+def test_no_line_begins_with_a_lone_number_or_an_arrow(held):
+    """'Grey while Albedo Variation is' was followed by a line with nothing but 0."""
+    for before in range(15, sidebar_text.LINE):
+        text = f"{'x' * before} {held} Sun Elevation"
+        lines = sidebar_text.wrap_lines(text)
+        assert any(held in line for line in lines)
+        assert " ".join(lines) == text
+
+
 def test_an_answer_is_kept_for_equal_settings_only():
     asked = []
 

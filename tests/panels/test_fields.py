@@ -16,7 +16,7 @@ from icymoon.panels import fields, pair_views
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.preset_files import PRESET_KINDS, WHOLE_SCENE_KINDS
 from icymoon.settings.table import TOPICS, list_all_settings
-from panel_drawing import Layout, drawn
+from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
 
 #: Operators that start a job from the sidebar, whatever was done before, but not while another job runs.
@@ -163,6 +163,26 @@ def test_darker_ice_is_one_field_of_ice_whatever_its_law(scene, model, there):
     assert there in fields_of_ice
     topic, key = there.split(".")[1:]
     assert "Brightness" in TOPICS[topic][key].label
+
+
+@pytest.mark.parametrize("width", [25, LINE, 60])
+def test_the_label_of_a_text_is_not_cut(scene, monkeypatch, width):
+    """'Where Rocks Lie' and 'Own Node Group' were cut in a sidebar as Blender opens it."""
+    monkeypatch.setattr(fields, "measure_line_length", lambda: width)
+    beside = {
+        setting.label
+        for _, setting in list_all_settings()
+        if setting.kind == "text" and not setting.choices and not fields.needs_label_line(setting, setting.label)
+    }
+    assert max(map(len, beside)) <= 0.38 * width
+    assert ("Own Node Group" in beside) == (width == 60)
+
+
+def test_the_maps_of_an_evaluation_have_one_reason(scene):
+    """A second one was in the grey of the fields, where it cannot be read."""
+    labels = texts(drawn(bpy.types.ICYMOON_PT_evaluation))
+    assert "Maps need ground from a" in labels
+    assert "Grey while" not in labels
 
 
 def header_of(panel: Any, width: int, monkeypatch) -> list:
