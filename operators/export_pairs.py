@@ -104,8 +104,8 @@ def find_export(scene: bpy.types.Scene, source: str) -> Exported | None:
 
     Why an export failed counts until a setting changes, since that may be the remedy.
     """
-    done = session.exported
-    if done is None or done.source != source or find_sources(scene).get(source) != [*done.paths]:
+    done = session.exported.get((scene.session_uid, source))
+    if done is None or find_sources(scene).get(source) != [*done.paths]:
         return None
     is_past = not done.folder and done.settings != scene_properties.read_for_display(scene.icymoon)
     return None if is_past else done
@@ -182,7 +182,8 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
             str(self._out),
             "--json-lines",
         )
-        session.exported = None
+        self._exported_as = context.scene.session_uid, self.source
+        session.exported.pop(self._exported_as, None)
         return jobs.Job.start("Export", command, if_stopped="what was written is kept")
 
     def _make_command(self, *arguments: str) -> list[str]:
@@ -204,7 +205,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         job = self._job
         sentences = [format_for_window(each) for each in (*job.warnings, *filter(None, [job.failure]))]
         folder = "" if job.failure else str(self._out)
-        session.exported = Exported(folder, tuple(sentences), self.source, self._paths, self._settings)
+        session.exported[self._exported_as] = Exported(folder, tuple(sentences), self._paths, self._settings)
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, show_controls(f"Exported to {self._out}"))
@@ -212,6 +213,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
     _out: Path
     _paths: tuple[Path, ...]
     _settings: Settings
+    _exported_as: tuple[int, str]
 
 
 CLASSES = (ICYMOON_OT_export_pairs,)

@@ -34,12 +34,11 @@ class ShownPair:
 
 @dataclass(frozen=True)
 class Exported:
-    """The last export: its folder, empty if it failed, and sentences on what was left out or went wrong; which folders
-    it was of, and with which settings."""
+    """The last export of a scene's source: its folder, empty if it failed, and sentences on what was left out or went
+    wrong; which folders it was of, and with which settings."""
 
     folder: str
     sentences: tuple[str, ...]
-    source: str
     paths: tuple[Path, ...]
     settings: Settings
 
@@ -55,16 +54,19 @@ class Session:
     developing: Job | None = None  # develops the camera images that Image Editors show
     to_develop: set[str] = field(default_factory=set)  # scenes
     development_notes: list[str] = field(default_factory=list)  # warnings of the last development, or why it failed
-    exported: Exported | None = None
+    exported: dict[tuple[int, str], Exported] = field(default_factory=dict)  # by ``session_uid`` and source
     decided: dict[int, tuple[str, ...]] = field(default_factory=dict)  # where to dig, by ``session_uid`` of the scene
     building: Job | None = None  # builds a scene with coarse ground, piece by piece
+    left_to_build: bool = False  # changed settings are not shown, because a build follows
+    undone_build: bool = False  # the undo that runs now has stopped a build
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
     placing: WorkInPieces | None = None  # shows the scene with that ground
     changes: int = 0  # number of changes of the file that Blender has announced
     tracing: Job | None = None  # traces the shadow in a view
     to_trace: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose shadow will be traced
-    shadow_notes: dict[int, str] = field(default_factory=dict)  # notes on dark views, by ``session_uid``
+    #: Notes on dark views, and the azimuth in degrees of a Sun that lights them, by ``session_uid``.
+    shadow_notes: dict[int, tuple[str, float | None]] = field(default_factory=dict)
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
     preview_side: int = SIDES[0]  # coarse at first, since the first step of a slider also replaces the built ground
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor

@@ -367,12 +367,15 @@ def export_a_pair() -> Waiting:
         space.active_operator.kind = kind
         yield 10 * TICK_S
         yield from screenshot(f"export_{kind}")
-        session().exported = None
+        session().exported.clear()
         yield from accept_in_browser(browser)
         yield from until(lambda: session().exported or session().job, "Starting the export")
         yield from ended()
         folder = DATASET.parent / f"{DATASET.name}_export"
-        check(session().exported.folder == str(folder), f"the export ended with {session().exported}")
+        check(
+            {done.folder for done in session().exported.values()} == {str(folder)},
+            f"the export ended with {session().exported}",
+        )
         check((folder / file).is_file(), f"{file} is not there")
         yield from away()
         yield from screenshot(f"exported_{kind}")

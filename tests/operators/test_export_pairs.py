@@ -34,7 +34,7 @@ def scene(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(export_pairs, "find_evaluator_python", lambda: sys.executable)
     scene.icymoon.dataset.folder = str(tmp_path / "data")
     yield scene
-    session.exported = None
+    session.exported.clear()
 
 
 @pytest.fixture
@@ -159,7 +159,17 @@ def export(scene, pair, folder="/x/y", sentences=("Loss.",)) -> None:
     """A finished export of the pair of the scene."""
     scene.icymoon.pairs = pair.name
     settings = scene_properties.read_for_display(scene.icymoon)
-    session.exported = export_pairs.Exported(folder, sentences, "SCENE", (pair,), settings)
+    session.exported[scene.session_uid, "SCENE"] = export_pairs.Exported(folder, sentences, (pair,), settings)
+
+
+def test_each_scene_and_source_keeps_its_export(scene, pair):
+    """An export of the data set forgot the one of the pair."""
+    export(scene, pair)
+    session.exported[scene.session_uid, "DATASET"] = export_pairs.Exported("/z", ("Other.",), (pair,), {})
+    assert "Loss." in draw_outcome(scene, "SCENE")
+    other = bpy.data.scenes.new("Other")
+    other.icymoon.dataset.folder, other.icymoon.pairs = scene.icymoon.dataset.folder, scene.icymoon.pairs
+    assert "Loss." not in draw_outcome(other, "SCENE")
 
 
 def test_an_export_is_shown_beside_its_own_button_until_another_pair_is_there(scene, pair):
