@@ -65,7 +65,12 @@ def describe_shadow(scene: bpy.types.Scene) -> str:
     unknown."""
     if scenes.find_collection(scene) is None:
         return ""
-    return session.shadow_notes.get(scene.session_uid, "")
+    return session.shadow_notes.get(scene.session_uid, ("", None))[0]
+
+
+def recall_lit_azimuth(scene: bpy.types.Scene) -> float | None:
+    """The azimuth of the Sun that ``describe_shadow`` names; None if it names none."""
+    return session.shadow_notes.get(scene.session_uid, ("", None))[1] if describe_shadow(scene) else None
 
 
 def describe_enclosing(scene: bpy.types.Scene) -> str:
@@ -101,14 +106,21 @@ def advise_on_shadow(settings: Settings, shares: Array) -> str:
     dark = f"{100 * (1 - shares[0]):.0f} % of the ground in view is in shadow;"
     if settings.light.directions_from != "ANGLES":
         return f"{dark} choose another light.date_utc, or turn the camera by rig.heading_deg."
-    best = int(shares.argmax())
-    if shares[best] < MIN_LIT:
+    azimuth = find_lit_azimuth(settings, shares)
+    if azimuth is None:
         return f"{dark} raise light.sun_elevation_deg ({settings.light.sun_elevation_deg:g}°)."
-    azimuth = (settings.light.sun_azimuth_deg + 360.0 * best / len(shares)) % 360.0
     return (
-        f"{dark} set light.sun_azimuth_deg to {azimuth:.0f}° ({100 * shares[best]:.0f} % lit), or raise "
+        f"{dark} set light.sun_azimuth_deg to {azimuth:.0f}° ({100 * shares.max():.0f} % lit), or raise "
         f"light.sun_elevation_deg ({settings.light.sun_elevation_deg:g}°)."
     )
+
+
+def find_lit_azimuth(settings: Settings, shares: Array) -> float | None:
+    """The azimuth, whole degrees, at which the Sun lights most of a view that is in its shadow now; ``shares`` as in
+    ``advise_on_shadow``. None if the view is lit, if no azimuth lights it, or if the Sun has no azimuth to set."""
+    if not shares[0] < MIN_LIT or shares.max() < MIN_LIT or settings.light.directions_from != "ANGLES":
+        return None
+    return round(settings.light.sun_azimuth_deg + 360.0 * int(shares.argmax()) / len(shares)) % 360.0
 
 
 def list_suns(direction: Array) -> Array:
@@ -182,7 +194,7 @@ def _start(scene: bpy.types.Scene) -> jobs.Job | None:
 
     def note(message: Message) -> None:
         if message["type"] == "result" and (text := advise_on_shadow(settings, message["value"])):
-            session.shadow_notes[uid] = text
+            session.shadow_notes[uid] = text, find_lit_azimuth(settings, message["value"])
         redraw_panels()
 
     return jobs.Job("Shadow", Calculation(work, "the shadow"), note)

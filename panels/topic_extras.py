@@ -124,6 +124,10 @@ def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         draw_sentence(layout, fault, "ERROR")
     if shadow := shadow_warning.describe_shadow(context.scene):
         draw_sentence(layout, shadow, "ERROR")
+        azimuth = shadow_warning.recall_lit_azimuth(context.scene)
+        if azimuth is not None:
+            button = layout.operator("wm.context_set_float", text=f"Turn Sun to {azimuth:g}°", icon="LIGHT_SUN")
+            button.data_path, button.value = "scene.icymoon.light.sun_azimuth_deg", azimuth
 
 
 def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

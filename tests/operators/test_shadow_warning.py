@@ -14,6 +14,7 @@ from icymoon.physics.light.directions import direction_toward
 from icymoon.render.tree_tracer import TreeTracer
 from icymoon.settings.description import defaults, merged
 from mathutils import Vector
+from panel_drawing import drawn, texts
 from thread_asks import list_asks_of_threads
 
 LOW_SUN = {"light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 300.0}}
@@ -42,6 +43,17 @@ def test_where_no_azimuth_helps_the_sun_is_too_low():
     assert "date" in advise([0.0, 1.0], directions_from="DATE")
 
 
+def test_the_button_turns_the_sun_to_the_azimuth_of_the_sentence():
+    find = lambda shares, **light: shadow_warning.find_lit_azimuth(  # noqa: E731
+        merged(defaults(), {"light": {**LOW_SUN["light"], **light}}), np.array(shares)
+    )
+    assert find([0.02, 0.4, 0.9, 0.1]) == 120.0
+    assert find([0.0, 0.9, 0.1], sun_azimuth_deg=239.9) == 0.0, "not 360"
+    for shares in ([0.06, 1.0], [float("nan")] * 4, [0.0] * 4):
+        assert find(shares) is None
+    assert find([0.0, 1.0], directions_from="DATE") is None
+
+
 def test_the_suns_begin_with_the_present_one_and_go_round():
     suns = shadow_warning.list_suns(direction_toward(300.0, 8.0))
     assert suns[0] == pytest.approx(direction_toward(300.0, 8.0))
@@ -64,8 +76,11 @@ def test_a_built_scene(small):
     assert along * np.linalg.norm(middle) == pytest.approx((place - matrix @ start).length, rel=1e-4)
 
     status = live_preview.list_lines(scene)
-    session.shadow_notes[scene.session_uid] = "98 % of the ground in view is in shadow; raise it."
+    session.shadow_notes[scene.session_uid] = "98 % of the ground in view is in shadow; raise it.", None
     assert live_preview.list_lines(scene) == [*status, shadow_warning.BRIEF]
+    assert "Turn Sun" not in texts(drawn(bpy.types.ICYMOON_PT_light))
+    session.shadow_notes[scene.session_uid] = "98 % of the ground in view is in shadow; set it.", 120.0
+    assert "Turn Sun to 120°" in texts(drawn(bpy.types.ICYMOON_PT_light))
     session.shadow_notes.clear()
 
     bpy.ops.mesh.primitive_cube_add(size=4.0, location=start)
