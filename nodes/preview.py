@@ -98,6 +98,11 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     return [COARSE_MESSAGE if "terrain" in previewed else _CHANGED_MESSAGE]
 
 
+def lacks_trench(scene: bpy.types.Scene) -> bool:
+    """Whether the scene shows a preview without the trench of its settings."""
+    return _UNDUG_MESSAGE in read_notes(scene)
+
+
 def has_coarse_ground(scene: bpy.types.Scene) -> bool:
     """Whether the ground that is seen is the coarse one of a preview."""
     collection = scenes.find_collection(scene)

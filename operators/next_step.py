@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..nodes.build_scene import find_collection
+from ..nodes.preview import lacks_trench
 from ..render.pairs.pair_folder import read_pair
 from ..settings.blender import scene_properties
 from ..settings.description import merged
@@ -21,7 +22,7 @@ from .show_pair import find_kept_pairs
 def find_next_step(scene: bpy.types.Scene) -> str:
     """The button or panel of the next step. A pair that has other settings than the present ones must be rendered
     again."""
-    if find_collection(scene) is None:
+    if find_collection(scene) is None or lacks_trench(scene):
         return "Next: Build Scene"
     pairs = find_kept_pairs(scene)
     if not pairs or (len(pairs) == 1 and _is_of_other_settings(scene, pairs[0])):

@@ -147,6 +147,8 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
         said = f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"
         if "cell_m" in placed.get("workspace", {}):
             said += f"; cells are {_FIRST_CELL_M:g} m wide"
+        if self.target == "TRENCH":
+            said += "; press Build Scene to dig it"
         self.report({"INFO"}, show_controls(said))
         return {"FINISHED"}
 

@@ -3,6 +3,8 @@
 import bpy
 import pytest
 from evaluations import ROW, write_evaluation
+from icymoon.nodes import preview
+from icymoon.nodes.build_scene import find_built
 from icymoon.operators import next_step, results
 from icymoon.operators.session import session
 from icymoon.settings.blender import scene_properties
@@ -47,3 +49,12 @@ def test_a_choice_that_the_render_makes_is_no_other_setting(small):
     small.icymoon.quality.indirect = "BAKED"
     assert next_step.find_next_step(small) == "Next: Render Stereo Pair"
     session.reset()
+
+
+def test_a_placed_trench_is_dug_by_a_build(small):
+    """The ground that follows a slider has no trench, and nothing near the top of the sidebar said so."""
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert next_step.find_next_step(small) == "Next: Render Stereo Pair"
+    small.icymoon.excavation.path = "ARC"
+    preview.show_settings(find_built(small), scene_properties.read_settings(small.icymoon), 33)
+    assert next_step.find_next_step(small) == "Next: Build Scene"
