@@ -23,7 +23,7 @@ from .build import build_and_show, leave_edit_mode, report_sentences
 from .job_operators import WatchingOperator
 from .jobs import Job
 from .session import session
-from .window_areas import find_scene
+from .window_areas import find_scene, redo
 from .window_events import call_later, make_registration
 from .work_in_pieces import WorkInPieces
 
@@ -103,4 +103,20 @@ class PiecewiseBuildOperator(WatchingOperator):
         refine_ground.start_refining()
 
 
-register, unregister = make_registration(undo_pre=session.stop_building, redo_pre=session.stop_building)
+def _stop_before_undo() -> None:
+    """Stop the build, and note that the undo is meant for it."""
+    session.undone_build = session.building is not None
+    session.stop_building()
+
+
+def _return_after_undo() -> None:
+    """Redo the undo that a menu started during a build. The build has no undo step yet, so the undo took back the step
+    before it too; the redo comes to the state before the build."""
+    if session.undone_build:
+        session.undone_build = False
+        call_later(redo)
+
+
+register, unregister = make_registration(
+    undo_pre=_stop_before_undo, undo_post=_return_after_undo, redo_pre=session.stop_building, timers=(redo,)
+)

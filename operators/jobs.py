@@ -185,8 +185,10 @@ class Job:
 
 
 def format_remaining(seconds: float | None) -> str:
-    """'1:05 left', '2:03:20 left', or '' for None."""
+    """'1:05 left', '2:03:20 left', 'Almost done' below a second, or '' for None."""
     if seconds is None:
         return ""
+    if seconds < 1:
+        return "Almost done"
     minutes, rest = divmod(int(seconds), 60)
     return f"{minutes}:{rest:02d} left" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} left"

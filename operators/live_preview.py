@@ -8,6 +8,8 @@ together. Without a window there is no preview.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 
@@ -79,9 +81,19 @@ def _has_changed(built: scenes.Built, settings: Settings) -> bool:
         return True  # the file of the ground is missing, which Build Scene reports
 
 
+@contextmanager
+def leave_to_build() -> Iterator[None]:
+    """Within this context, changed settings are not shown, because a build that follows shows them."""
+    session.left_to_build = True
+    try:
+        yield
+    finally:
+        session.left_to_build = False
+
+
 def schedule_update(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Show a change of settings, or schedule it. ``scene_properties`` calls this as a listener."""
-    if not has_window() or not effects & _SHOWN_EFFECTS or scene is None:
+    if session.left_to_build or not has_window() or not effects & _SHOWN_EFFECTS or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):
         session.to_preview.add(scene.name)

@@ -7,14 +7,16 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..nodes.ground.user_ground import is_from_file
 from ..physics.rocks.own_rock import OWN, read_proportions
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .build import build_and_report
+from .change_and_build import ChangeAndBuildOperator
+from .jobs import Job
 from .object_as_ground import SelectedMeshOperator, shorten_path
-from .sidebar_text import format_for_window
 
 #: Share of the ground under rocks where there were none.
 _FIRST_COVERAGE = 0.05
@@ -27,25 +29,31 @@ def encode_rock(positions: Array, triangles: Array) -> bytes:
     return "\n".join([*lines, ""]).encode()
 
 
-class ICYMOON_OT_object_as_rock(SelectedMeshOperator, bpy.types.Operator):
-    """Give all rocks the shape of the active mesh object, with its modifiers. A copy is kept in the data set folder, so later changes of the object do not count"""  # noqa: E501
-
-    bl_idname = "icymoon.object_as_rock"
-    bl_label = "Use Selected Object as Rock"
-    bl_options = {"REGISTER", "UNDO"}
+class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
+    """Mix-in: an operator that gives all rocks the shape of the active object. In a window it builds the scene in
+    pieces."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        group = context.scene.icymoon
-        before = scene_properties.read_unchecked(group).rocks
+        """Build the scene in full, as scripts expect."""
         try:
-            scene_properties.write_settings(group, {"rocks": self._make_settings(context)})
+            self.change_settings(context, {"rocks": self._make_settings(context)})
         except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
+            return self.fail(error)
         result = build_and_report(self, context)
         if result == {"CANCELLED"}:
-            scene_properties.write_settings(group, {"rocks": before})
+            self.take_back(context.scene)
         return result
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Build the scene with coarse ground in pieces, unless its ground is from a file."""
+        whole = is_from_file(scene_properties.read_unchecked(context.scene.icymoon))
+        return self.execute(context) if whole else super().invoke(context, event)
+
+    def start(self, context: bpy.types.Context) -> Job:
+        """Start to build the scene with these rocks. Raises IcyMoonError if the object cannot be a rock or nothing can
+        be built."""
+        self.change_settings(context, {"rocks": self._make_settings(context)})
+        return super().start(context)
 
     def _make_settings(self, context: bpy.types.Context) -> dict[str, Any]:
         scene, height = context.scene, TOPICS["rocks"]["height_ratio"]
@@ -57,6 +65,14 @@ class ICYMOON_OT_object_as_rock(SelectedMeshOperator, bpy.types.Operator):
             "height_ratio": min(max(read_proportions(path), height.minimum), height.maximum),
             "coverage": scene.icymoon.rocks.coverage or _FIRST_COVERAGE,
         }
+
+
+class ICYMOON_OT_object_as_rock(RockOperator, bpy.types.Operator):
+    """Give all rocks the shape of the active mesh object, with its modifiers. A copy is kept in the data set folder, so later changes of the object do not count"""  # noqa: E501
+
+    bl_idname = "icymoon.object_as_rock"
+    bl_label = "Use Selected Object as Rock"
+    bl_options = {"REGISTER", "UNDO"}
 
 
 CLASSES = (ICYMOON_OT_object_as_rock,)

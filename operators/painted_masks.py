@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -12,6 +13,7 @@ from ..library.inputs import Input
 from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import find_used_files
 from ..nodes.ground import mask_sheet
+from ..nodes.ground.user_ground import is_from_file
 from ..physics.rocks.painted_mask import MASK_SETTINGS, read_mask
 from ..settings.blender import scene_properties
 from ..settings.description import merged
@@ -21,8 +23,9 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from . import refine_ground
 from .build import build_and_report, leave_edit_mode
+from .change_and_build import ChangeAndBuildOperator
+from .job_operators import WatchingOperator
 from .object_as_ground import shorten_path
-from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 from .session import session
 from .sidebar_text import format_for_window
@@ -78,11 +81,19 @@ def leave_sheet(context: bpy.types.Context) -> None:
         _hide(context, sheet)
 
 
-class _MaskOperator(ExplainedOperator):
-    """Mix-in: an operator on the mask of one kind."""
+class _MaskOperator(ChangeAndBuildOperator):
+    """Mix-in: an operator on the mask of one kind. In a window it builds the scene in pieces."""
 
     bl_options = {"REGISTER", "UNDO"}
     kind: bpy.props.EnumProperty(name="Mask", description="What the mask is of", items=KINDS)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return self.execute(context)
+
+    def _change(self, context: bpy.types.Context, changes: Mapping[str, Mapping[str, Any]]) -> set[str]:
+        """Change settings, and build the scene with them."""
+        self.change_settings(context, changes)
+        return self._build(context)
 
     def _use(self, context: bpy.types.Context, shares: Array, text: str) -> set[str]:
         """Keep a mask (rows, columns), north first, in the data set, and build the scene with it."""
@@ -93,21 +104,22 @@ class _MaskOperator(ExplainedOperator):
             topic, key = MASK_SETTINGS[self.kind.lower()]
             path = Input(f"{topic}.{key}", image, ".png", text).store(find_dataset_folder(before))
             changes = self._make_changes(before, shorten_path(path, group.dataset.folder))
-            scene_properties.write_settings(group, changes)
         except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        result = self._build(context)
-        if result == {"CANCELLED"}:
-            scene_properties.write_settings(group, {name: before[name] for name in changes})
-        else:
+            return self.fail(error)
+        result = self._change(context, changes)
+        if result != {"CANCELLED"}:
             self._warn_if_idle(merged(before, changes))
         return result
 
     def _build(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene; in a window coarsely, and its ground at full resolution follows."""
+        """Build the scene; in a window with coarse ground, and its ground at full resolution follows."""
         coarse = not bpy.app.background
+        at_once = not coarse or self.options.is_repeat
+        if not at_once and not is_from_file(scene_properties.read_unchecked(context.scene.icymoon)):
+            return WatchingOperator.invoke(self, context, None)
         result = build_and_report(self, context, coarse)
+        if result == {"CANCELLED"}:
+            self.take_back(context.scene)
         if coarse:
             refine_ground.start_refining()
         return result
@@ -238,8 +250,7 @@ class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
         if not has_mask(context.scene, self.kind):
             return {"FINISHED"}
         topic, key = MASK_SETTINGS[self.kind.lower()]
-        scene_properties.write_settings(context.scene.icymoon, {topic: {key: ""}})
-        return self._build(context)
+        return self._change(context, {topic: {key: ""}})
 
 
 def _read_grey(image: bpy.types.Image) -> Array:

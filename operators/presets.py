@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
 
@@ -246,25 +247,35 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         if preset_files.is_whole_scene(self.preset):
             loaded = description.merged(_make_fresh_settings(group), loaded)
             group.preset = self.preset
-        scene_properties.write_settings(group, loaded)
+        in_pieces = self._builds_in_pieces(context)
+        with live_preview.leave_to_build() if in_pieces else nullcontext():
+            scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := find_missing_feature(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, format_for_window(lack))
         if self.build and live_preview.has_window():
-            return self._show(context)
+            return self._show(context, in_pieces)
         return {"FINISHED"}
 
-    def _show(self, context: bpy.types.Context) -> set[str]:
+    def _builds_in_pieces(self, context: bpy.types.Context) -> bool:
+        """Whether the scene is built in pieces, if its ground is not from a file. The live preview shows a scene that
+        was edited by hand, since a build would undo the edits."""
+        if not self.build or bpy.app.background or not self.options.is_invoke or self.options.is_repeat:
+            return False
+        built = scenes.find_built(context.scene)
+        return built is None or (context.scene.icymoon.live and not built.outdated and not built.edited)
+
+    def _show(self, context: bpy.types.Context, in_pieces: bool) -> set[str]:
         """Show the settings of the scene with coarse ground. The ground at full resolution follows."""
         scene = context.scene
         settings = scene_properties.read_unchecked(scene.icymoon)
+        if in_pieces and not is_from_file(settings):
+            return WatchingOperator.invoke(self, context, None)
         if scenes.find_collection(scene) is not None:
             live_preview.update_scene(scene)
             if scene.icymoon.live and (built := scenes.find_built(scene)):
                 preview.mark_as_preview(built, settings)
         elif is_from_file(settings):
             bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # this asks before it loads a large mesh
-        elif self.options.is_invoke and not self.options.is_repeat and not bpy.app.background:
-            return WatchingOperator.invoke(self, context, None)
         else:
             build_and_report(self, context, coarse=True)
         self._cover(scene)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 
 import bpy
@@ -78,6 +78,14 @@ def push_undo(message: str) -> None:
     if windows and not bpy.app.background:
         with bpy.context.temp_override(window=bpy.context.window or windows[0]):
             bpy.ops.ed.undo_push(message=message)
+
+
+def redo() -> None:
+    """Redo the last undone step, if there is a window."""
+    windows = bpy.context.window_manager.windows
+    if windows and not bpy.app.background:
+        with bpy.context.temp_override(window=bpy.context.window or windows[0]), suppress(RuntimeError):
+            bpy.ops.ed.redo()  # raises RuntimeError if nothing was undone, because there was no earlier step
 
 
 class ButtonPictures:

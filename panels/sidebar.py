@@ -34,7 +34,7 @@ from . import previews
 from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
 from .exports import draw_export
-from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
+from .fields import RowsOfText, draw_fields, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
 from .find_setting import draw_search
 from .pair_views import draw_pair
 from .view_line import LONGEST, describe_view
@@ -72,12 +72,15 @@ class Sidebar:
 
 #: A text about as long as the longest status of a built scene.
 _STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
+#: Texts of a button, in a sidebar as Blender opens it and in a narrow one.
+_SEVERAL_SUNS = "Decide Where to Dig on Several Suns", "Decide on Several Suns"
 #: Share of the line of the progress that the bar takes, beside the button that stops the job.
 _BAR_SHARE = 0.76
 
 
 def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw the progress of the running job, with a button that stops it; or how the last job ended, and the next step.
+    """Draw the progress of the running job, with a button that stops it; or that the scene is built; or how the last
+    job ended, and the next step.
 
     The drawing always takes two lines, so that nothing below moves under the mouse when a job begins or ends.
     """
@@ -85,6 +88,10 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if job is None and (kind := painted_masks.find_painted_kind(bpy.context)):
         column.label(text="Painting: red is all, black none")
         column.operator("icymoon.use_painted_mask").kind = kind
+        return
+    if job is None and session.building is not None:
+        column.label(text="Building the scene", icon="TIME")
+        column.label(text="Esc stops it", icon="BLANK1")
         return
     if job is None:
         column.label(text=session.ended or "No job is running")
@@ -184,6 +191,11 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")
 
 
+def _choose_text(text: str, shorter: str) -> str:
+    """The text of a button, or a shorter one if the sidebar would cut it."""
+    return text if len(text) <= sidebar_text.measure_line_length() else shorter
+
+
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
     """Choose matchers and evaluate the scene or the whole data set"""
 
@@ -215,7 +227,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         missing = evaluate.explain_missing_maps(context.scene)
         column = self.layout.column()
         column.enabled = not missing
-        draw_settings(column, context.scene.icymoon, "dataset", ("maps", "map_cell_m"))
+        draw_fields(column, context.scene.icymoon, "dataset", ("maps", "map_cell_m"))
         if missing:
             draw_sentence(self.layout, missing, "INFO")
         column = self.layout.column(align=True)
@@ -223,7 +235,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide", "Decide Where to Dig", "VIEWZOOM")
-        draw_start(column, "icymoon.decide", "Decide Where to Dig on Several Suns", "VIEWZOOM", fuse_suns=True)
+        draw_start(column, "icymoon.decide", _choose_text(*_SEVERAL_SUNS), "VIEWZOOM", fuse_suns=True)
         draw_start(column, "icymoon.decide_by_rules", "Decide by Own Rules…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide_with_guarantee", "Decide with Guarantee…", "FILE_FOLDER")
         column.operator("icymoon.open_report", icon="URL")

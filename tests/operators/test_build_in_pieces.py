@@ -342,3 +342,17 @@ def test_finish_is_what_the_pieces_come_to(rocky):
     assert made.is_there()
     made.remove()
     assert not made.is_there()
+
+
+def test_an_undo_by_the_menu_takes_back_the_build_alone(rocky, monkeypatch):
+    """The build has no undo step yet, so the undo takes back the step before it too, which is redone."""
+    asked: list[object] = []
+    monkeypatch.setattr(build_in_pieces, "call_later", asked.append)
+    begin(rocky)
+    build_in_pieces._stop_before_undo()
+    assert session.building is None
+    build_in_pieces._return_after_undo()
+    assert asked == [build_in_pieces.redo]
+    build_in_pieces._stop_before_undo()
+    build_in_pieces._return_after_undo()
+    assert len(asked) == 1, "an undo without a build is an undo"

@@ -8,6 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
+from icymoon.operators import live_preview, object_as_rock
+from icymoon.operators.session import session
+from icymoon.settings.blender import scene_properties
+from icymoon.support.errors import IcyMoonError
 
 
 def add_cone(open_: bool = False) -> bpy.types.Object:
@@ -41,3 +45,41 @@ def test_an_open_mesh_is_refused_and_nothing_changes(small):
         bpy.ops.icymoon.object_as_rock()
     assert (small.icymoon.rocks.family, small.icymoon.rocks.coverage) == before
     assert scenes.find_built(small) is None
+
+
+class Operator(object_as_rock.RockOperator):
+    """An operator as Blender holds it after the button was pressed."""
+
+    def report(self, kind: set[str], message: str, /) -> None:
+        pass
+
+
+def test_in_a_window_the_scene_is_built_in_pieces_and_stays_usable(small, monkeypatch):
+    """The fine ground was built at once, and the window waited for it."""
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    monkeypatch.setattr(live_preview, "update_scene", lambda scene: pytest.fail("the build shows the rocks"))
+    before = scene_properties.read_settings(small.icymoon).rocks
+    add_cone()
+    operator = Operator()
+    job = operator.start(bpy.context)
+    assert session.building is job
+    assert small.icymoon.rocks.family == "OWN"
+    job.run_to_end()
+    built = scenes.find_built(small)
+    assert built.settings.rocks.family == "OWN"
+    assert built.preview, "the fine ground follows"
+    monkeypatch.undo()
+    operator.take_back(small)
+    assert scene_properties.read_settings(small.icymoon).rocks == before
+    session.stop_building()
+
+
+def test_a_build_that_fails_leaves_the_rocks_as_they_were(small):
+    before = scene_properties.read_settings(small.icymoon).rocks
+    add_cone()
+    operator = Operator()
+    operator.start(bpy.context)
+    assert operator.fail(IcyMoonError("There is not enough memory.")) == {"CANCELLED"}
+    assert scene_properties.read_settings(small.icymoon).rocks == before
+    session.stop_building()

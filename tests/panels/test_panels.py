@@ -424,6 +424,15 @@ def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
     session.ended = ""
 
 
+def test_a_build_is_shown_while_it_runs_in_the_same_room(scene, monkeypatch):
+    """On a busy machine it takes some time, in which the sidebar named Build Scene as the next step."""
+    monkeypatch.setattr(session, "building", SimpleNamespace())
+    layout = Layout()
+    sidebar.draw_job(layout, scene)
+    labels = [entry[2]["text"] for entry in layout.record if entry[0] == "label"]
+    assert labels == ["Building the scene", "Esc stops it"]
+
+
 def test_text_has_room_for_a_longer_one(scene):
     longest = "Coarse ground; the fine one follows"
     for text in ("Fine", longest):
@@ -435,7 +444,14 @@ def test_text_has_room_for_a_longer_one(scene):
 
 @pytest.mark.parametrize(
     ("seconds", "said"),
-    [(None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")],
+    [
+        (None, ""),
+        (0.4, "Almost done"),
+        (1.0, "0:01 left"),
+        (65.0, "1:05 left"),
+        (3599.9, "59:59 left"),
+        (7400.0, "2:03:20 left"),
+    ],
 )
 def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, said):
     assert jobs.format_remaining(seconds) == said

@@ -1,0 +1,40 @@
+"""Operators that change settings and build the scene with them, so that the window shows both at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ..settings.blender import scene_properties
+from .build_in_pieces import PiecewiseBuildOperator
+from .live_preview import leave_to_build
+from .window_areas import find_scene
+
+
+class ChangeAndBuildOperator(PiecewiseBuildOperator):
+    """Mix-in: an operator that changes settings and builds the scene with them. If the build fails or is stopped, the
+    settings are as before."""
+
+    _scene_uid = 0
+    _before: Mapping[str, Mapping[str, Any]] | None = None  # the changed topics, once the operator has changed them
+
+    def change_settings(self, context: bpy.types.Context, changes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Change settings of the scene. The live preview leaves it to the build to show them."""
+        before = scene_properties.read_unchecked(context.scene.icymoon)
+        self._scene_uid = context.scene.session_uid
+        self._before = {topic: before[topic] for topic in changes}
+        with leave_to_build():
+            scene_properties.write_settings(context.scene.icymoon, changes)
+
+    def take_back(self, scene: bpy.types.Scene) -> None:
+        """Give the scene back its settings from before the operator."""
+        if self._before is not None:
+            scene_properties.write_settings(scene.icymoon, self._before)
+
+    def fail(self, error: Exception) -> set[str]:
+        """Report an error, with the settings as before."""
+        if (scene := find_scene(self._scene_uid)) is not None:
+            self.take_back(scene)
+        return super().fail(error)
