@@ -9,7 +9,6 @@ import numpy as np
 
 from ..nodes.ground.user_ground import is_from_file
 from ..physics.rocks.own_rock import OWN, read_proportions
-from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -46,7 +45,7 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Build the scene with coarse ground in pieces, unless its ground is from a file."""
-        whole = is_from_file(scene_properties.read_unchecked(context.scene.icymoon))
+        whole = is_from_file(context.scene.icymoon)
         return self.execute(context) if whole else super().invoke(context, event)
 
     def start(self, context: bpy.types.Context) -> Job:

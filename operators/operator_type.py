@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
         bl_property: str
         properties: bpy.types.OperatorProperties
+        options: bpy.types.OperatorOptions
 
         def report(self, kind: set[str], message: str, /) -> None: ...
 

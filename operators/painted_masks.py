@@ -115,7 +115,7 @@ class _MaskOperator(ChangeAndBuildOperator):
         """Build the scene; in a window with coarse ground, and its ground at full resolution follows."""
         coarse = not bpy.app.background
         at_once = not coarse or self.options.is_repeat
-        if not at_once and not is_from_file(scene_properties.read_unchecked(context.scene.icymoon)):
+        if not at_once and not is_from_file(context.scene.icymoon):
             return WatchingOperator.invoke(self, context, None)
         result = build_and_report(self, context, coarse)
         if result == {"CANCELLED"}:

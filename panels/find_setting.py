@@ -9,7 +9,7 @@ import bpy
 from ..operators.dialogs import SearchDialog
 from ..operators.sidebar_text import describe_place, describe_value, measure_line_length, remember_answers
 from ..settings.blender import scene_properties
-from ..settings.find_settings import find_settings
+from ..settings.find_settings import find_near_settings, find_settings
 from ..settings.table import TOPICS, list_all_settings
 from ..settings.topics.scene import Settings
 from .fields import draw_field, draw_lines
@@ -37,9 +37,14 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
 
 
 @remember_answers
-def sort_by_effect(found: Sequence[tuple[str, str]], settings: Settings) -> list[tuple[str, str]]:
-    """The settings (topic, key) that have an effect with the present settings, then the others, each in their order."""
-    return sorted(found, key=lambda name: TOPICS[name[0]].list_obstacles(name[1], settings) is not None)
+def sort_by_effect(typed: str, settings: Settings) -> list[tuple[str, str]]:
+    """The settings (topic, key) with the typed words: those that have an effect with the present settings, then the
+    others, each in their order. Those that have the words in their description only are last."""
+    near = find_near_settings(typed)
+    return sorted(
+        find_settings(typed),
+        key=lambda name: (name not in near, TOPICS[name[0]].list_obstacles(name[1], settings) is not None),
+    )
 
 
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -54,7 +59,7 @@ def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     root = context.scene.icymoon
     settings = scene_properties.read_for_display(root)
-    found, buttons = sort_by_effect(find_settings(typed), settings), find_buttons(typed)
+    found, buttons = sort_by_effect(typed, settings), find_buttons(typed)
     drawn = buttons[:MAX_BUTTONS]
     _draw_buttons(layout, [each.button for each in drawn if each.near])
     for topic, key in found[:MAX_FOUND]:

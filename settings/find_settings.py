@@ -122,3 +122,17 @@ def find_settings(typed: str) -> tuple[tuple[str, str], ...]:
     ``rig.baseline_m`` finds its setting first. Empty without words."""
     settings = list_all_settings()
     return tuple((settings[found.number][0], settings[found.number][1].key) for found in _index_settings().rank(typed))
+
+
+#: The number of the search words of a setting that are those of its description, the farthest.
+_DESCRIPTION = 4
+
+
+def find_near_settings(typed: str) -> frozenset[tuple[str, str]]:
+    """The settings of ``find_settings`` that have the typed words in more than their description."""
+    settings = list_all_settings()
+    return frozenset(
+        (settings[found.number][0], settings[found.number][1].key)
+        for found in _index_settings().rank(typed)
+        if found.tier < _DESCRIPTION
+    )

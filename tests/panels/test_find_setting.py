@@ -12,7 +12,7 @@ from evaluations import evaluated
 from icymoon.operators.session import session
 from icymoon.panels import CLASSES, find_setting, sidebar_buttons
 from icymoon.settings.blender import scene_properties
-from icymoon.settings.find_settings import SYNONYMS, find_settings
+from icymoon.settings.find_settings import SYNONYMS, find_near_settings, find_settings
 from icymoon.settings.table import TOPICS, list_all_settings
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
@@ -215,12 +215,18 @@ def test_a_reason_names_what_decides(scene):
 def test_settings_that_act_are_above_those_that_do_not(scene):
     """'roughness' showed eight grey fields above the roughness of the ground."""
     settings = scene_properties.read_settings(scene.icymoon)
-    found = find_setting.sort_by_effect(find_settings("roughness"), settings)
+    found = find_setting.sort_by_effect("roughness", settings)
     assert {*found} == {*find_settings("roughness")}
     assert ("terrain", "rms_slope_deg") in found[:3]
-    idle = [find_setting.explain_obstacle(*name, settings) != "" for name in found]
-    assert idle == sorted(idle)
-    assert {*idle} == {False, True}
+    near = find_near_settings("roughness")
+    far = [name not in near for name in found]
+    assert far == sorted(far)
+    for part in (False, True):
+        idle = [find_setting.explain_obstacle(*name, settings) != "" for name in found if (name in near) != part]
+        assert idle == sorted(idle)
+        assert {*idle} == {False, True}
+    frost = find_setting.sort_by_effect("frost", settings)
+    assert frost.index(("surface", "frost_from")) < frost.index(("sensor", "deposit_share")), "it only mentions frost"
     drawn_fields = [str(entry[1]) for entry in draw("roughness") if entry[0] == "prop"][1:]
     assert drawn_fields == [f"icymoon.{topic}.{key}" for topic, key in found[: len(drawn_fields)]]
 
