@@ -165,7 +165,8 @@ def export(scene, pair, folder="/x/y", sentences=("Loss.",)) -> None:
 def test_each_scene_and_source_keeps_its_export(scene, pair):
     """An export of the data set forgot the one of the pair."""
     export(scene, pair)
-    session.exported[scene.session_uid, "DATASET"] = export_pairs.Exported("/z", ("Other.",), (pair,), {})
+    settings = scene_properties.read_for_display(scene.icymoon)
+    session.exported[scene.session_uid, "DATASET"] = export_pairs.Exported("/z", ("Other.",), (pair,), settings)
     assert "Loss." in draw_outcome(scene, "SCENE")
     other = bpy.data.scenes.new("Other")
     other.icymoon.dataset.folder, other.icymoon.pairs = scene.icymoon.dataset.folder, scene.icymoon.pairs
