@@ -20,6 +20,7 @@ from ...settings.topics.ground import HillsSettings, TerrainLayer, TerrainSettin
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_ground_generator
+from .far_roughness import FarRoughness, make_far_roughness
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
 from .noise_layers import NoiseLayer, make_layer
@@ -59,6 +60,7 @@ class Terrain:
     mantle_length_m: float = 0.0
     mantle_level_m: float = field(default=0.0, repr=False)
     hills: Landform | None = None
+    far_roughness: FarRoughness | None = None
     skirts: Skirts | None = field(default=None, repr=False)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
@@ -132,6 +134,8 @@ class Terrain:
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
             total += each.heights(x, y, shortest_m)
+        if self.far_roughness:
+            total *= self.far_roughness.factor(x, y)
         if self.hills:
             total += self.hills.heights(x, y, shortest_m)
         return total
@@ -202,6 +206,9 @@ def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Ter
         mantle.thickness_m,
         mantle.length_m,
         hills=_make_hills(tuple(settings.hills.items()), seed, variant, size),
+        far_roughness=_make_far_roughness(
+            tuple(settings.hills.items()), float(ground.outer_scale_m), seed, variant, size
+        ),
         skirts=make_skirts_of_scene(settings, seed) if with_skirts else None,
     )
     if mantle.thickness_m and made.landforms:
@@ -222,6 +229,15 @@ def _make_layer(values: tuple[tuple[str, Any], ...], seed: int, variant: int, nu
 def _make_hills(values: tuple[tuple[str, Any], ...], seed: int, variant: int, size_m: float) -> Landform | None:
     """The hills of the settings' ``values``, kept for the next ground."""
     return make_hills(HillsSettings.from_values(values), make_ground_generator(seed, variant, 4), size_m)
+
+
+@functools.lru_cache(maxsize=4)
+def _make_far_roughness(
+    values: tuple[tuple[str, Any], ...], longest_m: float, seed: int, variant: int, size_m: float
+) -> FarRoughness | None:
+    """The places of unlike roughness of the hills' ``values``, kept for the next ground."""
+    random = make_ground_generator(seed, variant, 6)
+    return make_far_roughness(HillsSettings.from_values(values), longest_m, random, size_m)
 
 
 def _level_mantle(made: Terrain) -> Terrain:

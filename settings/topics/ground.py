@@ -288,3 +288,7 @@ class HillsSettings(
         ("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
         ("CRESTS", "Ridged", "Ranges with sharp crests"),
         ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"))
+    patchiness: float = fraction(
+        "Patchiness", 0.0, "How much the roughness of the ground beyond the patch varies in patches, from twice the "
+        "largest feature of the ground to the widest hills: the standard deviation of its logarithm. Its mean square "
+        "stays the same", "geometry", section=ADVANCED, since="0.4")
