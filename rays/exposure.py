@@ -8,6 +8,7 @@ import numpy as np
 
 from ..support.arrays import Array
 from .shapes import World, normalize
+from .shelter_bounds import find_uncertain
 from .surface import Tracer
 
 #: Directions from which grains come, if they come from a cone.
@@ -37,13 +38,17 @@ def list_directions(origin: tuple[float, float, float], spread_deg: float) -> Ar
 
 def find_exposed(world: World, tracer: Tracer, points: Array, directions: Array) -> Array:
     """Share (n,) of what falls on level, open ground from ``directions`` (k, 3) that arrives over points (n, 3) of the
-    world. Each direction counts by its upward part, as level ground receives from it."""
+    world. Each direction counts by its upward part, as level ground receives from it. Rays are traced only from points
+    that something may shelter."""
     weight = directions[:, 2] / directions[:, 2].sum()
-    found = np.zeros(len(points))
-    for start in range(0, len(points), _VERTICES_AT_ONCE):
-        some = slice(start, start + _VERTICES_AT_ONCE)
-        from_m = points[some].astype(np.float64)
-        from_m[:, 2] += _LIFT_M + _LIFT_SHARE * np.abs(from_m).max(axis=1)
+    start_m = points.astype(np.float64)
+    start_m[:, 2] += _LIFT_M + _LIFT_SHARE * np.abs(start_m).max(axis=1)
+    uncertain = find_uncertain(world, start_m, directions)
+    found = np.ones(len(points))
+    found[uncertain] = 0.0
+    for first in range(0, len(uncertain), _VERTICES_AT_ONCE):
+        some = uncertain[first : first + _VERTICES_AT_ONCE]
+        from_m = start_m[some]
         for direction, share in zip(directions, weight, strict=True):
             ahead = np.broadcast_to(direction, from_m.shape)
             found[some] += share * ~tracer.is_blocked(from_m, ahead, 0.0, np.full(len(from_m), np.inf))

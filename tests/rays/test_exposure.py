@@ -6,31 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from falling_grains import WALL_M, from_west, walled
 from icymoon.rays.engine import open_tracer
 from icymoon.rays.exposure import find_exposed, list_directions
-from icymoon.rays.shapes import Placed, Shape, World
 from icymoon.support.arrays import Array
-
-#: Height in metres of a wall at x = 0 that runs north, on level ground.
-WALL_M = 2.0
-
-
-def walled() -> World:
-    far = 1000.0
-    vertices = np.array(
-        [
-            *([-far, -far, 0], [far, -far, 0], [far, far, 0], [-far, far, 0]),
-            *([0, -far, 0], [0, far, 0], [0, far, WALL_M], [0, -far, WALL_M]),
-        ],
-        np.float32,
-    )
-    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.uint32)
-    shape = Shape(vertices, triangles, np.zeros(4, bool), np.zeros(4, np.uint8))
-    return World([Placed(shape, np.eye(4)[None], np.ones(1, np.int64))])
-
-
-def from_west(tilt_deg: float) -> tuple[float, float, float]:
-    return -math.sin(math.radians(tilt_deg)), 0.0, math.cos(math.radians(tilt_deg))
 
 
 def behind(x_m: Array) -> Array:
