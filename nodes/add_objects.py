@@ -28,7 +28,7 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
     ground = make_terrain(settings, int(settings.dataset.seed), with_skirts=False)  # because it has no rocks
     mesh = build_mesh("Icy Terrain", settings.terrain, ground)
     mark_elevation(mesh, settings.surface)
-    mark_shelter(mesh, settings.surface)
+    mark_shelter(mesh, settings)
     return _build_object(mesh, lambda: build_ground_material(settings, mesh))
 
 

@@ -32,6 +32,7 @@ from ..physics.rocks.place_rocks import LEVEL_RANKS, HeightAt, Rocks, scatter_ro
 from ..physics.rocks.rock_shapes import RockShape
 from ..physics.scene_requirements import find_elevation_mark
 from ..physics.terrain.terrain import Terrain
+from ..rays.rock_exposure import RockShelter
 from ..settings import rebuilt_parts
 from ..settings.description import merged
 from ..settings.rebuilt_parts import select_geometry
@@ -242,7 +243,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MAX_MOVED_ROCKS)
     rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
-    check_shelter(settings.surface)
+    check_shelter(settings)
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear_painted(built.scene)  # the painted errors are of the previous ground
     ground.show_in_mesh(built.terrain.data)
@@ -251,8 +252,9 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         settings.surface,
         ground.surface.drop_m if isinstance(ground.surface, GradedGround) and settings.mesh.kind == "GRADED" else None,
     )
-    mark_shelter(built.terrain.data, settings.surface, rocks, _make_coarse_shapes(settings) if rocks else ())
-    changed = _show_rocks(built, settings, rocks)
+    coarse = _make_coarse_shapes(settings) if rocks else ()
+    shelter = mark_shelter(built.terrain.data, settings, rocks, coarse)
+    changed = _show_rocks(built, settings, rocks, shelter)
     built.remember(built.settings, merged(built.preview, select_geometry(settings)), "terrain data", *changed)
     return ground.surface
 
@@ -286,15 +288,17 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
     return replace(found, level=np.zeros_like(found.level))
 
 
-def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts. Unchanged shapes stay,
-    because building and marking them takes longest."""
+def _show_rocks(
+    built: scenes.Built, settings: Settings, rocks: Rocks | None, shelter: RockShelter | None
+) -> tuple[str, ...]:
+    """Replace the rocks in the scene by ``rocks`` with their ``shelter``, and return the names of the changed parts.
+    Unchanged shapes stay, because building and marking them takes longest."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove_objects([old] if old else [])
         return ("rock",)
     shapes = _make_coarse_shapes(settings)
-    if old is not None and move_rocks(old, rocks, shapes, TAG):
+    if old is not None and move_rocks(old, rocks, shapes, TAG, shelter):
         return ("rock data",)
     ice = next((shape.data.materials[0] for shape in find_instanced_objects(old)), None) if old else None
     new = build_rocks(
@@ -303,6 +307,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
         shapes,
         ice or build_rock_material(settings, built.terrain.data),
         TAG,
+        shelter,
     )
     if old is None:
         shown = new

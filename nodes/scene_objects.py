@@ -227,7 +227,7 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
         yield None
     else:
-        yield from mark_shelter_in_steps(terrain.data, settings.surface)
+        yield from mark_shelter_in_steps(terrain.data, settings)
     if settings.lander.kind != "NONE":
         made.objects += build_lander(settings, made.site_m, terrain)
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
@@ -260,11 +260,11 @@ def _add_rocks(made: MadeObjects, settings: Settings, ground: MeshedGround | Use
     else:
         with probe_heights(terrain) as height_at:
             shapes, rocks, moved = _place_rocks(absolute, ground, height_at)
-    yield from mark_shelter_in_steps(terrain.data, settings.surface, rocks, shapes)
+    shelter = yield from mark_shelter_in_steps(terrain.data, settings, rocks, shapes)
     ice = build_rock_material(settings, terrain.data)
     made.unfinished = [ice]
     yield None
-    made.objects.append(mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock"))
+    made.objects.append(mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG, shelter), "rock"))
     made.unfinished = []
     remove_unused([], [ice])  # it has no users if there are no rocks
     made.warnings += _advise_on_rocks(settings, rocks)

@@ -89,7 +89,7 @@ def find_elevation_mark(surface: SurfaceSettings) -> bool | float:
 
 
 def needs_shelter(surface: SurfaceSettings) -> bool:
-    """Whether the ground needs the share of falling grains that other ground keeps from each vertex."""
+    """Whether what has this surface needs the share of falling grains that others keep away."""
     return surface.frost_from == "FALL"
 
 

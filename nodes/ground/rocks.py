@@ -16,8 +16,10 @@ import numpy as np
 
 from ...physics.rocks.place_rocks import Rocks
 from ...physics.rocks.rock_shapes import RockShape
+from ...rays.rock_exposure import RockShelter
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
+from ..surface.sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays, has_faces
 
@@ -108,11 +110,17 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: Arra
 
 
 def build_rocks(
-    name: str, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], material: bpy.types.Material, tag: str
+    name: str,
+    rocks: Rocks,
+    shapes: Sequence[Sequence[RockShape]],
+    material: bpy.types.Material,
+    tag: str,
+    shelter: RockShelter | None = None,
 ) -> bpy.types.Object:
     """The object whose points are the rocks. ``find_rock_parts`` returns the other data-blocks that it needs.
 
-    Labels follow the order of the rocks. Everything except the object itself gets the custom property ``tag``.
+    Labels follow the order of the rocks. ``shelter`` is from falling frost. Everything except the object itself gets
+    the custom property ``tag``.
     """
     used, pick = _number_shapes(rocks, shapes)
     library = bpy.data.collections.new(f"{name} Shapes")
@@ -123,7 +131,7 @@ def build_rocks(
     library[tag] = group[tag] = "rock shapes"
 
     mesh = bpy.data.meshes.new(name)
-    _fill_points(mesh, rocks, pick)
+    _fill_points(mesh, rocks, pick, shelter)
     item = bpy.data.objects.new(name, mesh)
     item.modifiers.new("Blocks", "NODES").node_group = group
     return item
@@ -135,7 +143,7 @@ def _number_shapes(rocks: Rocks, shapes: Sequence[Sequence[RockShape]]) -> tuple
     return used, pick
 
 
-def _fill_points(mesh: bpy.types.Mesh, rocks: Rocks, pick: Array) -> None:
+def _fill_points(mesh: bpy.types.Mesh, rocks: Rocks, pick: Array, shelter: RockShelter | None) -> None:
     """Replace the points of a mesh by rocks."""
     mesh.clear_geometry()
     mesh.vertices.add(len(pick))
@@ -144,10 +152,19 @@ def _fill_points(mesh: bpy.types.Mesh, rocks: Rocks, pick: Array) -> None:
     _set_attribute(mesh, SHAPE, "INT", pick)
     _set_attribute(mesh, ROTATION, "FLOAT_VECTOR", rocks.rotation)
     _set_attribute(mesh, SCALE, "FLOAT_VECTOR", rocks.scale_m)
+    if shelter is not None:
+        _set_attribute(mesh, ROCK_SHELTER, "FLOAT", shelter.level)
+        _set_attribute(mesh, ROCK_SHELTER_SLOPE, "FLOAT_VECTOR", shelter.slope)
     mesh.update()
 
 
-def move_rocks(item: bpy.types.Object, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], tag: str) -> bool:
+def move_rocks(
+    item: bpy.types.Object,
+    rocks: Rocks,
+    shapes: Sequence[Sequence[RockShape]],
+    tag: str,
+    shelter: RockShelter | None = None,
+) -> bool:
     """Replace the rocks of an unedited object of ``build_rocks``, if it has the shapes of the new rocks and no copy
     shares its points. Returns whether the rocks were replaced."""
     used, pick = _number_shapes(rocks, shapes)
@@ -163,7 +180,7 @@ def move_rocks(item: bpy.types.Object, rocks: Rocks, shapes: Sequence[Sequence[R
         )
     ):
         return False
-    _fill_points(item.data, rocks, pick)
+    _fill_points(item.data, rocks, pick, shelter)
     return True
 
 

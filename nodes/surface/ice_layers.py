@@ -26,7 +26,7 @@ from .patches_and_grain import (
     add_share_below,
     find_threshold,
 )
-from .sheltered_ground import SHELTERED
+from .sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE, SHELTERED
 
 #: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
 _BAND_CONTRAST, _MAX_BUBBLE_SHARE = 4.0, 0.6
@@ -121,8 +121,8 @@ def add_frost_share(
     tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0, marked: bool = False
 ) -> Socket:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
-    faces. ``mask`` multiplies it. ``marked`` is whether the mesh may have the attribute ``SHELTERED``, which rocks do
-    not have."""
+    faces. ``mask`` multiplies it. ``marked`` is whether the mesh is the ground, which may have the attribute
+    ``SHELTERED``; rocks may have others."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     if surface.frost_from == "FALL":
         frosted = _add_fallen_patches(tree, _add_fallen_share(tree, surface, geometry, marked), field)
@@ -140,11 +140,19 @@ def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, mark
     normal, origin = geometry.outputs["True Normal"], find_origin(surface)
     toward = Number(tree, tree.vector("DOT_PRODUCT", "Toward the Origin", normal, origin))
     received = toward.at_least(0.0) * (1.0 / origin[2])
-    if marked:
-        received = received * (1.0 - Number(tree, tree.attribute("Sheltered", SHELTERED)))
+    sheltered = tree.attribute("Sheltered", SHELTERED) if marked else _add_rock_shelter(tree, geometry)
+    received = received * (1.0 - Number(tree, sheltered))
     covered = 1.0 - (received * find_free_exponent(surface)).exp()
     held = tree.ramp("Held", tree.separated("Up", normal)[2], *find_hold_cosines(surface), smooth=True)
     return Number(tree, held) * covered
+
+
+def _add_rock_shelter(tree: Tree, geometry: Node) -> Socket:
+    """Output socket of the share of grains that others keep from a rock, see ``rays.rock_exposure``."""
+    slope = tree.attribute("Shelter's Slope", ROCK_SHELTER_SLOPE, "Vector", "INSTANCER")
+    level = Number(tree, tree.attribute("Shelter's Level", ROCK_SHELTER, kind="INSTANCER"))
+    rise = Number(tree, tree.vector("DOT_PRODUCT", "Rise of Shelter", slope, geometry.outputs["Position"]))
+    return (level + rise).at_least(0.0).at_most(1.0).named("Sheltered by Others").value
 
 
 def _add_fallen_patches(tree: Tree, share: Number, field: Socket) -> Socket:

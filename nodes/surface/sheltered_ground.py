@@ -1,4 +1,4 @@
-"""The share of falling frost that other ground and rocks keep from each vertex of the ground."""
+"""The share of falling frost that ground and rocks keep from each vertex of the ground, and from each rock."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ import numpy as np
 
 from ...physics.rocks.place_rocks import Rocks, make_instance_matrices
 from ...physics.rocks.rock_shapes import RockShape
-from ...physics.scene_requirements import needs_shelter
+from ...physics.scene_requirements import needs_shelter, surface_topics
 from ...physics.surfaces.fallen_frost import find_origin
 from ...rays.engine import open_tracer, require_embree
 from ...rays.exposure import find_exposed, list_directions
+from ...rays.rock_exposure import RockShelter, find_rock_shelter
 from ...rays.shapes import Placed, Shape, World
+from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.blender import compat
@@ -24,60 +26,78 @@ from ..datablocks.mesh_arrays import read_property
 
 #: Attribute of vertices: the share of falling grains that other ground and rocks keep away. A mesh without it has none.
 SHELTERED = "icymoon_sheltered"
+#: Attributes of rocks: the two parts of ``RockShelter``.
+ROCK_SHELTER, ROCK_SHELTER_SLOPE = "icymoon_rock_shelter", "icymoon_rock_shelter_slope"
 
 
-def check_shelter(surface: SurfaceSettings) -> None:
-    """Raise IcyMoonError if ``surface`` settings need rays and none can be traced."""
-    if needs_shelter(surface):
+def check_shelter(settings: Settings) -> None:
+    """Raise IcyMoonError if a surface of complete ``settings`` needs rays and none can be traced."""
+    if any(needs_shelter(settings[topic]) for topic in surface_topics(settings)):
         require_embree(compat.list_library_folders())
 
 
 def mark_shelter(
     mesh: bpy.types.Mesh,
-    surface: SurfaceSettings,
+    settings: Settings,
     rocks: Rocks | None = None,
     shapes: Sequence[Sequence[RockShape]] = (),
-) -> None:
+) -> RockShelter | None:
     """As ``mark_shelter_in_steps``, at once."""
-    finish(mark_shelter_in_steps(mesh, surface, rocks, shapes))
+    return finish(mark_shelter_in_steps(mesh, settings, rocks, shapes))
 
 
 def mark_shelter_in_steps(
     mesh: bpy.types.Mesh,
-    surface: SurfaceSettings,
+    settings: Settings,
     rocks: Rocks | None = None,
     shapes: Sequence[Sequence[RockShape]] = (),
-) -> Steps[None]:
-    """Set the attribute ``SHELTERED`` of the ground's mesh if ``surface`` settings need it; otherwise remove it.
+) -> Steps[RockShelter | None]:
+    """Set the attribute ``SHELTERED`` of the ground's mesh if its surface needs it; otherwise remove it. Return the
+    shelter of ``rocks`` of the ``shapes``; None if they need none.
 
-    ``rocks`` of the ``shapes`` hide ground too. A thread may trace the rays. Raises IcyMoonError if none can be traced.
+    Rocks and ground shelter each other. A thread may trace the rays. Raises IcyMoonError if none can be traced.
     """
     existing = mesh.attributes.get(SHELTERED)
-    if not needs_shelter(surface):
-        if existing is not None:
-            mesh.attributes.remove(existing)
-        return
+    on_rocks = settings[surface_topics(settings)[-1]] if rocks is not None and len(rocks.shape) else None
+    wanted = [each if each is not None and needs_shelter(each) else None for each in (settings.surface, on_rocks)]
+    if existing is not None and wanted[0] is None:
+        mesh.attributes.remove(existing)
+    if wanted == [None, None]:
+        return None
     folders = compat.list_library_folders()  # not in the thread, which may ask Blender nothing
-    exposed = yield partial(_find_exposed, _read_shape(mesh), surface, rocks, shapes, folders)
-    attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
-    attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
+    exposed, shelter = yield partial(_trace, _read_shape(mesh), *wanted, rocks, shapes, folders)
+    if exposed is not None:
+        attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
+        attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
+    return shelter
 
 
-def _find_exposed(
+def _trace(
     ground: Shape,
-    surface: SurfaceSettings,
+    on_ground: SurfaceSettings | None,
+    on_rocks: SurfaceSettings | None,
     rocks: Rocks | None,
     shapes: Sequence[Sequence[RockShape]],
     folders: Sequence[Path],
-) -> Array:
-    """Shares (n,) of the falling grains that reach the vertices of the ground; Embree may be in one of ``folders``."""
-    world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *_place_rocks(rocks, shapes)])
-    tracer = open_tracer(world, folders)
+) -> tuple[Array | None, RockShelter | None]:
+    """Shares (n,) of the grains that reach the vertices of the ground, for its surface, and the shelter of the rocks,
+    for theirs; None without a surface. Embree may be in one of ``folders``."""
+    placed = _place_rocks(rocks, shapes)
+    world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *placed])
+    tracer, exposed, shelter = open_tracer(world, folders), None, None
     try:
-        directions = list_directions(find_origin(surface), surface.frost_spread_deg)
-        return find_exposed(world, tracer, ground.vertices, directions)
+        if on_ground is not None:
+            exposed = find_exposed(world, tracer, ground.vertices, _list_directions(on_ground))
+        if on_rocks is not None and rocks is not None:
+            shelter = find_rock_shelter(world, tracer, placed, len(rocks.shape), _list_directions(on_rocks))
+        return exposed, shelter
     finally:
         tracer.close()
+
+
+def _list_directions(surface: SurfaceSettings) -> Array:
+    """Unit vectors (n, 3) toward the origin of the grains that fall on a surface."""
+    return list_directions(find_origin(surface), surface.frost_spread_deg)
 
 
 def _read_shape(mesh: bpy.types.Mesh) -> Shape:

@@ -234,8 +234,8 @@ class SurfaceSettings(Table, label="Ice"):
         since="0.4")
     frost_spread_deg: float = degrees(
         "Spread of Fall", 15.0, 0.0, 60.0, "Half of the width of the cone that the grains come from, which softens the "
-        "edge of ground that rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
-        (0.0, 45.0), section=FALL, shown=PRINCIPLED, active=FALLEN & of_topic("surface"), since="0.4")
+        "edge of what rocks and relief shelter. A guess: vents are many, and their jets are wide", "geometry",
+        (0.0, 45.0), section=FALL, shown=PRINCIPLED, active=FALLEN, since="0.4")
     frost_hold_deg: float = degrees(
         "Steepest Frost", 50.0, 15.0, 90.0, "Slope in the middle of those that hold a part of the grains; "
         "slopes 15 degrees steeper hold none, and 15 degrees gentler all. A guess: no slope of frost is known at "

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes.build_scene import build_scene
-from icymoon.nodes.surface.sheltered_ground import SHELTERED, mark_shelter
+from icymoon.nodes.surface.sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE, SHELTERED, mark_shelter
 from icymoon.nodes.tree.evaluate_field import read_numbers
 from icymoon.physics.surfaces.fallen_frost import find_origin
 from icymoon.render.mesh_arrays import read_vertices
@@ -50,10 +50,25 @@ def test_straight_down_only_what_is_under_the_rock_is_sheltered(tmp_path):
     assert np.hypot(*dark[:, :2].T).max() < 1.0
 
 
+def test_a_rock_in_the_lee_of_another_gets_no_frost(tmp_path):
+    table = tmp_path / "two.csv"
+    table.write_text("x_m,y_m,diameter_m\n0.05,0,2\n-1.3,0,0.1\n4,4,0.1\n", encoding="utf-8")
+    built = build_scene(empty_scene(), with_rock(tmp_path, {"rocks": {"file": str(table)}}))
+    rocks = next(item for item in built.collection.all_objects if item.get("icymoon") == "rock").data
+    position = read_vertices(rocks)
+    level = read_numbers(rocks, ROCK_SHELTER)
+    slope = np.empty(3 * len(position), np.float32)
+    rocks.attributes[ROCK_SHELTER_SLOPE].data.foreach_get("vector", slope)
+    middle = np.clip(level + (slope.reshape(-1, 3) * position).sum(axis=1), 0.0, 1.0)
+    # Grains come from the east at 30 degrees: the first rock hides the second, and nothing hides the third.
+    order = [np.argmin(np.hypot(position[:, 0] - x, position[:, 1] - y)) for x, y in ((-1.3, 0), (4, 4))]
+    assert middle[order] == pytest.approx([1.0, 0.0], abs=1e-3)
+
+
 def test_ground_whose_frost_does_not_fall_has_no_mark(tmp_path):
     built = build_scene(empty_scene(), with_rock(tmp_path, {"surface": {"frost_from": "VAPOUR", "frost_share": 0.5}}))
     assert SHELTERED not in built.terrain.data.attributes
-    mark_shelter(built.terrain.data, complete(LEVEL).surface)
+    mark_shelter(built.terrain.data, complete(LEVEL))
     assert read_numbers(built.terrain.data, SHELTERED) == pytest.approx(0.0)  # level ground without rocks
-    mark_shelter(built.terrain.data, built.settings.surface)
+    mark_shelter(built.terrain.data, built.settings)
     assert SHELTERED not in built.terrain.data.attributes
