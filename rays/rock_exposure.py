@@ -18,7 +18,7 @@ from .shapes import Placed, World, dot_products, normalize
 from .surface import Tracer
 
 #: Number of vertices of a shape from which a plane is fitted, and of a shape that gets one.
-_SAMPLES, _MIN_VERTICES = 24, 100
+_SAMPLES, _MIN_VERTICES = 24, 2000
 #: Weight of a plane without slope, over the weight of the samples: it decides where samples lie on one line.
 _LEVEL_WEIGHT = 0.02
 #: Least cosine between the axis of the fall and the normal of a sample: paths of a cone do not graze its own rock.
@@ -37,17 +37,30 @@ class RockShelter:
 
 
 def find_rock_shelter(world: World, tracer: Tracer, rocks: list[Placed], count: int, directions: Array) -> RockShelter:
-    """The shelter of ``count`` rocks, whose numbers in ``rocks`` are their indices, from ``directions`` (k, 3)."""
+    """The shelter of ``count`` rocks, whose numbers in ``rocks`` are their indices, from ``directions`` (k, 3). The
+    first shape of the world is the ground."""
     found = RockShelter(np.zeros(count), np.zeros((count, 3)))
     axis = normalize(directions.sum(axis=0)[None])[0]
-    for each in rocks:
-        points, weights = _choose_points(each, axis)
-        exposed = np.ones(weights.shape)
-        asked = weights > 0.0
-        exposed[asked] = find_exposed(world, tracer, points[asked], directions)
-        level, slope = _fit_planes(points, weights, 1.0 - exposed, each.places[:, :3, 3])
+    chosen = [_choose_points(each, axis) for each in rocks]
+    asked = np.concatenate([points[weights > 0.0] for points, weights in chosen])
+    sheltered = 1.0 - find_exposed(world, tracer, asked, directions)
+    buried = _are_buried(tracer, asked)
+    start = 0
+    for each, (points, weights) in zip(rocks, chosen, strict=True):
+        wanted, values = weights > 0.0, np.zeros(weights.shape)
+        own = slice(start, start + int(wanted.sum()))
+        start = own.stop
+        values[wanted] = sheltered[own]
+        weights[wanted] *= ~buried[own]
+        level, slope = _fit_planes(points, weights, values, each.places[:, :3, 3])
         found.level[each.numbers], found.slope[each.numbers] = level, slope
     return found
+
+
+def _are_buried(tracer: Tracer, points: Array) -> Array:
+    """Whether points (n, 3) are under the ground, which no image shows: the first thing above them is the ground."""
+    up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
+    return np.asarray(tracer.intersect(points, up, 0.0, np.inf).place == 0)
 
 
 def _choose_points(rocks: Placed, axis: Array) -> tuple[Array, Array]:

@@ -59,13 +59,14 @@ def mark_shelter_in_steps(
     """
     existing = mesh.attributes.get(SHELTERED)
     on_rocks = settings[surface_topics(settings)[-1]] if rocks is not None and len(rocks.shape) else None
-    wanted = [each if each is not None and needs_shelter(each) else None for each in (settings.surface, on_rocks)]
-    if existing is not None and wanted[0] is None:
+    on_rocks = on_rocks if on_rocks is not None and needs_shelter(on_rocks) else None
+    on_ground = settings.surface if needs_shelter(settings.surface) else None
+    if existing is not None and on_ground is None:
         mesh.attributes.remove(existing)
-    if wanted == [None, None]:
+    if on_ground is None and on_rocks is None:
         return None
     folders = compat.list_library_folders()  # not in the thread, which may ask Blender nothing
-    exposed, shelter = yield partial(_trace, _read_shape(mesh), *wanted, rocks, shapes, folders)
+    exposed, shelter = yield partial(_trace, _read_shape(mesh), on_ground, on_rocks, rocks, shapes, folders)
     if exposed is not None:
         attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
         attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))

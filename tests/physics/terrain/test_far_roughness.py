@@ -32,7 +32,7 @@ def test_far_away_the_logarithm_has_the_stated_deviation_and_the_mean_square_is_
 def test_the_patch_and_hills_do_not_know_of_it_and_it_begins_without_a_step():
     at = np.linspace(-10.0, 10.0, 65)
     plain, patchy = (make_terrain(settings(each, layers=[LAYER]), 3) for each in (0.0, 0.8))
-    assert np.array_equal(*(each.heights(at[None], at[:, None]) for each in (plain, patchy)))
+    assert np.array_equal(plain.heights(at[None], at[:, None]), patchy.heights(at[None], at[:, None]))
     far = make_far_roughness(settings(0.8).hills, 8.0, np.random.default_rng(1), 20.0)
     along = START_M + np.linspace(-0.5, 1.0, 151)
     factor = far.factor(along, 0.0 * along)
@@ -43,7 +43,7 @@ def test_the_patch_and_hills_do_not_know_of_it_and_it_begins_without_a_step():
     x = np.linspace(200.0, 3000.0, 500)
     bare = [make_terrain(settings(each, rms_slope_deg=0.0), 3).heights(x, x) for each in (0.0, 0.8)]
     assert np.abs(bare[0]).max() > 1.0
-    assert np.array_equal(*bare)
+    assert np.array_equal(bare[0], bare[1])
 
 
 @pytest.mark.parametrize("layers", [[], [LAYER]])
