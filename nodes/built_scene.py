@@ -17,6 +17,7 @@ from ..settings.topics.declaration import LANDFORMS, Parts
 from ..settings.topics.scene import Settings, typed
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, TEXT, Each
+from ..support.steps import Steps, finish
 from . import check_cycles
 from .datablocks.blend_file_paths import do_files_exist, find_used_files, hash_content
 from .datablocks.fingerprint import (
@@ -30,7 +31,7 @@ from .datablocks.fingerprint import (
     is_stand_in,
     is_wanted,
     list_own_nodes,
-    read_marks,
+    read_marks_in_steps,
     update_marks,
 )
 from .datablocks.marks import hash_marks
@@ -114,14 +115,19 @@ class Built:
 
         Raises IcyMoonError if there are edits that no mark can identify.
         """
-        return self.content + reflectance_laws.describe_osl_substitute(self.settings) + self._mark_edits()
+        return finish(self.find_extra())
 
-    def _mark_edits(self) -> str:
+    def find_extra(self) -> Steps[str]:
+        """``extra`` in steps."""
+        found = self.content + reflectance_laws.describe_osl_substitute(self.settings)
+        return found + (yield from self._mark_edits())
+
+    def _mark_edits(self) -> Steps[str]:
         """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
         refuse_excluded(self.scene, self.collection)
         own_groups.refuse_stand_ins(self.materials)
         stored = self._read_marks()  # first: present marks can be read only where these can be compared with them
-        found = read_marks(self.collection)
+        found = yield from read_marks_in_steps(self.collection)
         by_hand = sorted(find_differing(found.parts, stored))
         if not by_hand and "added" not in found.parts:
             return ""
@@ -188,6 +194,11 @@ class Built:
         by_hand = set().union(*(edited[name] for name in wanted))
         return {part for part in by_hand if not (changed and is_wanted(part, changed))}
 
+    def find_edited_parts(self, *wanted: str) -> Steps[set[str]]:
+        """``edited_parts`` in steps."""
+        known = self._read_marks()
+        return find_differing((yield from read_marks_in_steps(self.collection, *wanted)).parts, known, *wanted)
+
     @contextmanager
     def reading_marks_once(self) -> Iterator[None]:
         """A context for an update of the scene. It reads the marks of a part only once, however often its edits are
@@ -214,8 +225,12 @@ class Built:
     @property
     def edited(self) -> bool:
         """Whether the user has edited or added something since the scene was built."""
+        return finish(self.find_whether_edited())
+
+    def find_whether_edited(self) -> Steps[bool]:
+        """``edited`` in steps."""
         own = any(not is_stand_in(node.node_tree) for node in list_own_nodes(self.materials))
-        return own or bool(find_added_objects(self.collection)) or bool(self.edited_parts())
+        return own or bool(find_added_objects(self.collection)) or bool((yield from self.find_edited_parts()))
 
     @property
     def preview(self) -> Settings:

@@ -20,15 +20,12 @@ from ..support.errors import IcyMoonError
 from ..support.steps import Steps
 from . import live_preview, refine_ground
 from .build import build_and_show, leave_edit_mode, report_sentences
-from .job_operators import WatchingOperator
+from .job_operators import KeyStoppedOperator
 from .jobs import Job
 from .session import session
 from .window_areas import find_scene, redo
 from .window_events import call_later, make_registration
-from .work_in_pieces import WorkInPieces
-
-#: Seconds between two looks at the build.
-INTERVAL_S = 0.01
+from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 
 def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str, str]]]:
@@ -36,6 +33,15 @@ def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str,
 
     Raises IcyMoonError, without changing the scene, as ``preview.build_coarse`` does and if the scene or what was made
     for it is gone.
+    """
+    scene, made = yield from make_for_scene(scene_uid, settings)
+    return build_and_show(bpy.context, scene, partial(put_in_scene, scene, settings, made))
+
+
+def make_for_scene(scene_uid: int, settings: Settings) -> Steps[tuple[bpy.types.Scene, MadeObjects]]:
+    """Make a scene with coarse ground in steps, for the scene with this ``session_uid``, which is returned too.
+
+    Raises IcyMoonError as ``build_in_pieces`` does.
     """
     try:
         made = yield from preview.make_coarse(settings)
@@ -45,10 +51,10 @@ def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str,
     if scene is None:
         made.remove()
         raise IcyMoonError("The scene was deleted while it was built; choose another scene, and press Build Scene.")
-    return build_and_show(bpy.context, scene, partial(_put_in_scene, scene, settings, made))
+    return scene, made
 
 
-def _put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> scenes.Built:
+def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> scenes.Built:
     """Put what was made into a scene, and let settings follow that were changed meanwhile."""
     built = preview.put_coarse_in_scene(scene, settings, made)
     if bpy.context.scene == scene:
@@ -59,13 +65,13 @@ def _put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects)
     return built
 
 
-class PiecewiseBuildOperator(WatchingOperator):
+class PiecewiseBuildOperator(KeyStoppedOperator):
     """Mix-in: an operator that builds the scene with coarse ground in pieces. Blender adds one undo step at the end.
 
     Esc and Ctrl Z stop the build, and the operator then takes back what it has changed before.
     """
 
-    interval_s = INTERVAL_S
+    interval_s = PIECES_INTERVAL_S
     _job: Job
     _scene_uid: int
 
@@ -83,14 +89,9 @@ class PiecewiseBuildOperator(WatchingOperator):
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Set the settings of the scene back to those before the operator."""
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        is_undo = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
-        if event.value != "PRESS" or not (event.type == "ESC" or is_undo) or not self._job.process.running:
-            return super().modal(context, event)
-        self._job.cancel()
+    def clean_up_after_stop(self) -> None:
         if (scene := find_scene(self._scene_uid)) is not None:
             self.take_back(scene)
-        return {"RUNNING_MODAL"}  # the next look ends the operator
 
     def report_end(self, context: bpy.types.Context) -> None:
         """Forget the job."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -29,14 +30,13 @@ from . import jobs, view_resolution
 from .build import find_views_through, look_through
 from .full_undo import require_full_undo
 from .session import SIDES, session
+from .settled_steps import settle
 from .window_areas import find_scene, pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
-from .work_in_pieces import WorkInPieces
+from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: Seconds between two pieces of the work that shows the fine ground.
-_PIECES_INTERVAL_S = 0.01
 #: Prefixes of the names of operators that hold the data they change, or that a wait would interrupt.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
@@ -116,7 +116,7 @@ def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:
         session.placing = WorkInPieces(_show_refined(built.scene.session_uid, of, job), "the fine ground")
     messages = session.placing.poll()
     if session.placing.running:
-        return _PIECES_INTERVAL_S
+        return PIECES_INTERVAL_S
     _end_building()
     for message in messages:
         if message["type"] == "error":
@@ -145,11 +145,7 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     made.keep_sky(True)  # the live preview removes worlds without users
     try:
         yield None
-        changes = -1
-        while changes != session.changes:  # an edit in the last turn is an edit too
-            changes = session.changes
-            built = _find_unedited(scene_uid)
-            yield None
+        built = yield from settle(partial(_find_unedited, scene_uid))
     except BaseException:
         made.remove()
         raise
@@ -157,11 +153,11 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     _put_refined(built, of, made)
 
 
-def _find_unedited(scene_uid: int) -> scenes.Built:
-    """The built scene. Raises IcyMoonError if it was edited by hand."""
+def _find_unedited(scene_uid: int) -> Steps[scenes.Built]:
+    """The built scene, in steps. Raises IcyMoonError if it was edited by hand."""
     scene = find_scene(scene_uid)
     built = scenes.find_built(scene) if scene is not None else None
-    if built is None or built.terrain.mode != "OBJECT" or built.edited_parts():
+    if built is None or built.terrain.mode != "OBJECT" or (yield from built.find_edited_parts()):
         raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
     return built
 
@@ -193,6 +189,7 @@ def _stop_placing() -> None:
 
 def _resume_refining() -> None:
     """Undo, redo and opening a file may show a coarse ground again."""
+    _note_change()
     if not bpy.app.background:
         start_refining()
 

@@ -11,6 +11,8 @@ from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 from ..support.steps import Outcome, Steps, advance, call
 
+#: Seconds between two looks at such work.
+PIECES_INTERVAL_S = 0.01
 #: Seconds of a turn of the event loop after which no further piece begins.
 _BUDGET_S = 0.005
 
@@ -20,9 +22,10 @@ class WorkInPieces:
 
     left, returncode, cause = False, 0, ""
 
-    def __init__(self, steps: Steps[Any], subject: str) -> None:
-        """``subject`` is the thing that an error of the thread names."""
+    def __init__(self, steps: Steps[Any], subject: str, reports: list[Message] | None = None) -> None:
+        """``subject`` is the thing that an error of the thread names. ``reports`` are messages that the thread adds."""
         self.cancelled = False
+        self._reports = [] if reports is None else reports
         self._steps, self._subject, self._running = steps, subject, True
         self._outcome = Outcome()
         self._thread: Calculation | None = None
@@ -33,9 +36,10 @@ class WorkInPieces:
         return self._running
 
     def poll(self) -> list[Message]:
-        """Run the next steps, at least one, unless the thread is busy. The last message is the ``result`` with its
-        ``value``, or an ``error``."""
+        """Run the next steps, at least one, unless the thread is busy. Returns the reports, and at the end the
+        ``result`` with its ``value``, or an ``error``."""
         start, messages = time.perf_counter(), list[Message]()
+        reported = [self._reports.pop(0) for _ in self._reports[:]]
         while self._running and not messages:
             if self._thread is not None:
                 if self._thread.running:
@@ -44,7 +48,7 @@ class WorkInPieces:
             messages = self._step()
             if time.perf_counter() > start + _BUDGET_S:
                 break
-        return messages
+        return [*reported, *messages]
 
     def _step(self) -> list[Message]:
         """Run the next step, and return the message of the end."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
+from ...support.steps import Steps, finish
 from .mesh_arrays import read_property
 
 _BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
@@ -77,11 +78,17 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
 
     Attributes that are false or 0 everywhere are left out, since Blender adds and removes them by itself.
     """
+    return finish(_list_attribute_marks(geometry))
+
+
+def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]]:
+    """As ``list_attribute_marks``, one attribute in each step."""
     found = []
-    for attribute in geometry.attributes:
-        name, kind = attribute.name, attribute.data_type
-        if name.startswith(_LEFT_OUT) or not len(attribute.data):
+    for name in geometry.attributes.keys():  # noqa: SIM118 - the attributes may move in memory during a pause
+        attribute = geometry.attributes.get(name)
+        if attribute is None or name.startswith(_LEFT_OUT) or not len(attribute.data):
             continue
+        kind, domain = attribute.data_type, attribute.domain
         if kind in _READERS_BY_TYPE:
             dtype, key, width = _READERS_BY_TYPE[kind]
             values = read_property(attribute.data, key, dtype, width)
@@ -90,12 +97,19 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
             marked = mark_array(values, name in _INDEX_ATTRIBUTES)
         else:
             marked = repr([getattr(item, "value", None) for item in attribute.data])
-        found.append((name, attribute.domain, kind, marked))
+        found.append((name, domain, kind, marked))
+        yield None
     return sorted(found)
 
 
 def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
+    """As ``list_mesh_marks_in_steps``, at once."""
+    return finish(list_mesh_marks_in_steps(mesh))
+
+
+def list_mesh_marks_in_steps(mesh: bpy.types.Mesh) -> Steps[list[Any]]:
     """Marks of all arrays of a mesh. A mesh in Edit Mode has no arrays: pass a copy."""
+    attributes = yield from _list_attribute_marks(mesh)
     normals = []
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5
         normals = [mark_array(read_property(mesh.corner_normals, "vector", width=3))]
@@ -105,4 +119,4 @@ def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
     # 5.2 keeps the name of a removed attribute.
     if colour.startswith((PAINTED, *BAKED_ATTRIBUTES.values())) or colour not in mesh.attributes:
         colour = ""
-    return [sizes, list_attribute_marks(mesh), normals, shown_uv, colour]
+    return [sizes, attributes, normals, shown_uv, colour]

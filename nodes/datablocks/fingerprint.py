@@ -15,6 +15,8 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
+from ...support.steps import Steps, finish
+from .array_marks import list_mesh_marks_in_steps
 from .marks import BlockHasher, hash_marks
 
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make
@@ -104,7 +106,12 @@ class Reading:
 
 
 def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
-    """The marks of everything in a built collection, or of the wanted parts and roles.
+    """As ``read_marks_in_steps``, at once."""
+    return finish(read_marks_in_steps(collection, *wanted))
+
+
+def read_marks_in_steps(collection: bpy.types.Collection, *wanted: str) -> Steps[Reading]:
+    """The marks of everything in a built collection, or of the wanted parts and roles, in steps.
 
     The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for what the user has added: objects, and
     the node groups that settings name. The marks are equal in every process that loads the file.
@@ -124,13 +131,18 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     for role, item in ours.items():
         if is_wanted(f"{role} object", wanted):
             found[f"{role} object"] = [item in shown, flat.content(item, ("data", "material_slots"))]
+            yield None
         if is_wanted(f"{role} data", wanted):
+            if isinstance(item.data, bpy.types.Mesh) and not item.data.is_editmode:
+                flat.mesh_marks[item.data] = yield from list_mesh_marks_in_steps(item.data)
             found[f"{role} data"] = flat.content(item.data, ("materials",)) if item.data else []
+            yield None
         if is_wanted(f"{role} materials", wanted):
             found[f"{role} materials"] = [
                 [[material and deep.mark(material) for material in slots] for slots in surfaces[role]],
                 [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"],
             ]
+            yield None
     if is_wanted("added", wanted):
         others = sorted(hash_marks([item in shown, deep.mark(item)]) for item in find_added_objects(collection))
         others += sorted(hash_marks(deep.content(group)) for group in groups if not is_stand_in(group))

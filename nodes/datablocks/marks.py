@@ -65,6 +65,8 @@ class BlockHasher:
         self._open: dict[Any, int] = {}
         self._lowest = 0
         self._structs: list[tuple[int, type]] = []
+        #: The marks of the arrays of meshes that were read before.
+        self.mesh_marks: dict[bpy.types.Mesh, list[Any]] = {}
 
     def mark(self, block: bpy.types.ID) -> str:
         """Hash the content of a data-block and of all data-blocks that it refers to.
@@ -226,6 +228,8 @@ class BlockHasher:
 
     def of_mesh(self, mesh: bpy.types.Mesh) -> list[Any]:
         """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
+        if mesh in self.mesh_marks:
+            return self.mesh_marks[mesh]
         if not mesh.is_editmode:
             return list_mesh_marks(mesh)
         for item in bpy.data.objects:

@@ -21,7 +21,8 @@ from icymoon.operators.window_events import cancel_call
 from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.steps import Outcome, advance, call, finish
+from icymoon.support.steps import finish
+from pieces import count_pauses, stop_after
 from stand_ins import stand_in
 from thread_asks import list_asks_of_threads
 
@@ -71,24 +72,9 @@ def add_second(scene: bpy.types.Scene) -> bpy.types.Scene:
 
 def count_pieces(scene: bpy.types.Scene) -> int:
     """Number of pauses of a build."""
-    steps, outcome, count = preview.make_coarse(settings(scene)), Outcome(), 0
-    while True:
-        try:
-            work = advance(steps, outcome)
-        except StopIteration as end:
-            end.value.remove()
-            return count
-        outcome, count = (call(work), count) if work else (Outcome(), count + 1)
-
-
-def stop_after(scene: bpy.types.Scene, pauses: int) -> None:
-    """Stop to make a scene after some pauses."""
-    steps, outcome = preview.make_coarse(settings(scene)), Outcome()
-    while pauses:
-        work = advance(steps, outcome)
-        outcome = call(work) if work else Outcome()
-        pauses -= work is None
-    steps.close()
+    count, made = count_pauses(preview.make_coarse(settings(scene)))
+    made.remove()
+    return count
 
 
 def test_pieces_come_to_what_a_build_at_once_comes_to(rocky):
@@ -119,7 +105,7 @@ def test_nothing_is_left_wherever_a_build_stops(rocky):
     before, pieces = everything(), count_pieces(rocky)
     assert pieces >= 6
     for pauses in range(1, pieces + 1):
-        stop_after(rocky, pauses)
+        stop_after(preview.make_coarse(settings(rocky)), pauses)
         assert everything() == before, f"after {pauses} pauses"
 
 
