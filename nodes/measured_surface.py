@@ -19,6 +19,7 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
+from ..support.srgb import from_srgb
 from .datablocks.fingerprint import TAG
 from .datablocks.mesh_arrays import read_property
 from .shown_objects import link_shown, list_shown, remove_shown
@@ -155,10 +156,26 @@ def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
 
 
 def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
-    """Fill a colour attribute of bytes with sRGB uint8 (n, 3)."""
+    """Fill a colour attribute of bytes or floats with sRGB uint8 (n, 3)."""
+    if attribute.data_type == "FLOAT_COLOR":
+        fill_colours(attribute, to_linear_colours(rgb))
+        return
     rgba = np.ones((len(rgb), 4), np.float32)
     rgba[:, :3] = rgb / np.float32(255)
     attribute.data.foreach_set("color_srgb", rgba.ravel())
+
+
+def to_linear_colours(rgb: Array) -> Array:
+    """Opaque linear colours (n, 4), float32, from sRGB uint8 (n, 3); any thread may call this."""
+    rgba = np.ones((len(rgb), 4), np.float32)
+    rgba[:, :3] = from_srgb(np.arange(256) / 255).astype(np.float32)[rgb]
+    return rgba
+
+
+def fill_colours(attribute: bpy.types.Attribute, rgba: Array) -> None:
+    """Fill a colour attribute of floats with linear colours (n, 4), float32. Blender copies them; it would convert
+    colours of bytes one by one, in 50 ms for a million."""
+    attribute.data.foreach_set("color", rgba.ravel())
 
 
 def recolour_points(scene: bpy.types.Scene, full_m: float) -> None:

@@ -6,6 +6,8 @@ that is not rendered. ``painted_errors.clear_painted`` removes both.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
@@ -25,10 +27,11 @@ from ..stereo.decisions.stored_maps import (
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
 from .ground.terrain_mesh import build_mesh_from_arrays
-from .measured_surface import make_share_lines, set_colours
+from .measured_surface import fill_colours, make_share_lines, set_colours, to_linear_colours
 from .painted_errors import (
     ROLE,
     add_colours,
@@ -38,6 +41,8 @@ from .painted_errors import (
     find_painted,
     find_rock_meshes,
     read_vertex_positions,
+    refuse_other_ground,
+    remove_unlinked,
     to_world,
 )
 
@@ -78,31 +83,60 @@ _LINE_RADIUS_M, _RING_POINTS = 0.006, 48
 _LINE_SIDES, _MIN_TURN_COSINE = 6, 0.25
 
 
-def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
-    """Show a map on the ground of a built scene with its site and reach, in place of anything painted before.
+def paint_decisions(find_build: Callable[[], Built], stored: StoredMap, title: str) -> Steps[bpy.types.Collection]:
+    """Show a map in steps on the ground of a built scene with its site and reach, in place of anything painted before.
 
-    Raises IcyMoonError before any change if no vertex of the ground is within the map.
+    The last step alone changes the scene, which it finds by ``find_build``. Raises IcyMoonError before any change if no
+    vertex of the ground is within the map.
     """
-    mesh = built.terrain.data
-    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, read_vertex_positions(mesh)))
+    ground = find_build().terrain
+    matrix, position = np.array(ground.matrix_world), read_vertex_positions(ground.data)
+    colours = yield partial(_colour_ground, matrix, position, stored)
+    counts = yield partial(count_cells, stored)
+    there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
+    told = {**counts, **there, "title": title, "map": stored.kind, _GUARANTEE: stored.guarantee}
+    marks = dict[str, bpy.types.Object]()
+    try:
+        if stored.chosen is not None:
+            marks[SITE] = _draw_site(stored, *stored.chosen)
+        if stored.reach is not None and there[REACH]:
+            marks[REACH] = _draw_lines(REACH, (yield partial(_trace_reach, stored, stored.reach)))
+        yield None
+        built = find_build()
+        refuse_other_ground(built, colours, *marks.values())
+    except BaseException:
+        remove_unlinked(*marks.values())
+        raise
+    return _show_in_scene(built, colours, marks, told)
+
+
+def _colour_ground(to_the_world: Array, position: Array, stored: StoredMap) -> Array:
+    """Colours of ``to_linear_colours`` of the ground's vertices at positions (n, 3) in its coordinates; any thread may
+    call this. Raises IcyMoonError if no vertex is within the map."""
+    cell = stored.grid.find_cells(to_world(to_the_world, position))
     inside = cell >= 0
     if not inside.any():
         raise IcyMoonError(
             "No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
             "raise terrain.resolution."
         )
-    collection = begin_painting(scene, mesh, NAME)
-    there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
-    told = {"title": title, "map": stored.kind, _GUARANTEE: stored.guarantee}
-    collection[_COUNTS_PROPERTY] = {**count_cells(stored), **there, **told}
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
-    set_colours(add_colours(mesh), colours)
+    return to_linear_colours(colours)
+
+
+def _show_in_scene(
+    built: Built, colours: Array, marks: dict[str, bpy.types.Object], told: dict[str, Any]
+) -> bpy.types.Collection:
+    """Give the meshes of a built scene the colours of a map, and link the marks."""
+    mesh = built.terrain.data
+    collection = begin_painting(built.scene, mesh, NAME)
+    collection[_COUNTS_PROPERTY] = told
+    fill_colours(add_colours(mesh), colours)
     darken_meshes({*find_rock_meshes(built), *find_other_meshes(built)})  # the ground under them is unknown from above
-    if stored.chosen is not None:
-        _link_mark(collection, _draw_site(stored, *stored.chosen))
-    if stored.reach is not None and there[REACH]:
-        _link_mark(collection, _draw_reach(stored, stored.reach))
+    for name, mark in marks.items():
+        mark.name = mark.data.name = name  # which an earlier mark had until now
+        _link_mark(collection, mark)
     return collection
 
 
@@ -153,8 +187,9 @@ def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
     return _draw_lines(SITE, [centre + ring, *([centre + bar] if stored.guarantee in (ABSTAINS, UNLIKE) else [])])
 
 
-def _draw_reach(stored: StoredMap, reach: Array) -> bpy.types.Object:
-    return _draw_lines(REACH, [_place_on_ground(stored, way) for way in trace_outlines(reach)])
+def _trace_reach(stored: StoredMap, reach: Array) -> list[Array]:
+    """Closed lines on the ground around the reach."""
+    return [_place_on_ground(stored, way) for way in trace_outlines(reach)]
 
 
 def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:

@@ -8,7 +8,9 @@ rendered.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import bpy
@@ -39,15 +41,24 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
+from ..support.steps import Steps
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED
 from .datablocks.fingerprint import TAG, find_added_objects, find_instanced_objects
 from .datablocks.mesh_arrays import read_property
 from .ground.terrain_mesh import build_mesh_from_arrays
-from .measured_surface import KINDS, build_material, make_share_lines, set_colours
+from .measured_surface import (
+    KINDS,
+    build_material,
+    fill_colours,
+    make_share_lines,
+    set_colours,
+    to_linear_colours,
+)
 from .shown_objects import begin_collection, find_collections, remove_shown
 
 NAME = "Icy Moon Depth Errors"
+_COPIES_NAME = f"{NAME} on Rocks"
 ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
 #: Attributes of vertices: the signed error in metres (NaN if unknown), the kind of the error by ``ground_errors``, and
 #: the colour.
@@ -69,9 +80,9 @@ _KINDS = {
 }
 
 
-def why_not_shown(built: Built, headings: int, pair: Pair) -> str:
-    """A sentence on why a pair shows the built scene from none of the ``headings`` directions; empty if it shows the
-    scene.
+def why_not_shown(built: Built, headings: int, pair: Pair) -> Steps[str]:
+    """Find, in steps, a sentence on why a pair shows the built scene from none of the ``headings`` directions; empty if
+    it shows the scene.
 
     Only the ground and the camera matter: light, surfaces and sampling may differ. Raises IcyMoonError if edits by hand
     cannot be detected.
@@ -88,7 +99,7 @@ def why_not_shown(built: Built, headings: int, pair: Pair) -> str:
     if all(cameras):
         differing = _describe_differing(cameras[0])
         return f"The evaluated pair {pair.id} has another camera than the one that is built: {differing}."
-    if not _has_same_edits(built, pair):
+    if not (yield from _has_same_edits(built, pair)):
         return f"The ground or the camera has other edits by hand than those of the evaluated pair {pair.id}."
     return ""
 
@@ -102,18 +113,22 @@ def _describe_differing(names: Sequence[str]) -> str:
     return f"{names[0]}{more}"
 
 
-def _has_same_edits(built: Built, pair: Pair) -> bool:
+def _has_same_edits(built: Built, pair: Pair) -> Steps[bool]:
     """Whether ground and camera have the same edits by hand as when a pair was rendered."""
     if pair.data.get("edited_by_hand"):  # the id identifies all edits
-        return make_pair_id(pair.settings, built.extra + describe_blur_identity(pair.settings)) == pair.id
-    return not find_added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
+        extra = yield from built.find_extra()
+        return make_pair_id(pair.settings, extra + describe_blur_identity(pair.settings)) == pair.id
+    if find_added_objects(built.collection):
+        return False
+    return not (yield from built.find_edited_parts(*_GROUND_AND_CAMERA))
 
 
 @dataclass(frozen=True)
 class MeshesToPaint:
-    """Arrays of a built scene's ground and rocks in world coordinates, from which any thread can find their errors."""
+    """Arrays of a built scene's ground and rocks, from which any thread can find their errors."""
 
-    position: Array  # (n, 3) of the ground's vertices, m
+    to_world: Array  # (4, 4), from the ground's coordinates to the world's
+    position: Array  # (n, 3) float32, of the ground's vertices in its coordinates, m
     edges: Array  # (k, 2)
     rocks: list[tuple[Array, Array, Array]]  # of each shape: matrices (m, 4, 4), vertices and triangles
 
@@ -123,8 +138,8 @@ class FoundErrors:
     """The errors of pairs on the meshes of a scene, and the number of pixels with each kind of error.
 
     ``rocks`` are the positions (n, 3) and triangles (m, 3) of all copies of rocks, and the errors of their vertices;
-    ``colours`` are sRGB uint8 (n, 3) of the vertices of the ground and of the copies, where errors of ``full_m`` metres
-    and more have the full colour.
+    ``colours`` are those of ``to_linear_colours``, of the vertices of the ground and of the copies, where errors of
+    ``full_m`` metres and more have the full colour.
     """
 
     ground: VertexErrors
@@ -134,16 +149,20 @@ class FoundErrors:
     colours: tuple[Array, Array]
 
 
-def read_meshes(built: Built) -> MeshesToPaint:
-    """Read the meshes of a built scene."""
-    mesh = built.terrain.data
-    position = to_world(built.terrain.matrix_world, read_vertex_positions(mesh))
-    rocks = []
-    for shape, matrices in _find_rock_instances(built).items():
+def read_meshes(built: Built) -> Steps[MeshesToPaint]:
+    """Read the meshes of a built scene in steps."""
+    mesh, matrix = built.terrain.data, np.array(built.terrain.matrix_world, np.float64)
+    position = read_vertex_positions(mesh)
+    yield None
+    edges = _read_edges(mesh)
+    yield None
+    rocks, instances = [], _find_rock_instances(built)
+    for shape, matrices in instances.items():
+        yield None
         shape.data.calc_loop_triangles()
         triangles = read_property(shape.data.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
-        rocks.append((matrices, read_vertex_positions(shape.data), triangles))
-    return MeshesToPaint(position, _read_edges(mesh), rocks)
+        rocks.append((matrices, read_vertex_positions(shape.data).astype(np.float64), triangles))
+    return MeshesToPaint(matrix, position, edges, rocks)
 
 
 def find_errors(
@@ -160,7 +179,7 @@ def find_errors(
     counts = [len(meshes.position), *(len(matrices) * len(corners) for matrices, corners, _ in meshes.rocks)]
     shares = np.cumsum([1, *counts]) / (1 + sum(counts))  # above 0 from the first one on
     report(float(shares[0]), "Errors of the ground")
-    ground = _find_vertex_errors(found, meshes.position, meshes.edges, places)
+    ground = _find_vertex_errors(found, to_world(meshes.to_world, meshes.position), meshes.edges, places)
     seen: list[tuple[Array, Array, VertexErrors]] = []
     for shape, share in zip(meshes.rocks, shares[1:], strict=False):
         report(float(share), "Errors of the rocks")
@@ -174,39 +193,57 @@ def find_errors(
         )
     pixels = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     total = {key: sum(count[key] for count in pixels) for key in pixels[0]}
-    return FoundErrors(ground, rocks, total, full_m, _colour_all(ground, rocks, full_m))
+    return _colour_all(FoundErrors(ground, rocks, total, full_m, (np.empty((0, 4)), np.empty((0, 4)))), full_m)
 
 
-def _colour_all(
-    ground: VertexErrors, rocks: tuple[Array, Array, VertexErrors] | None, full_m: float
-) -> tuple[Array, Array]:
-    return _colour(ground, full_m), _colour(rocks[2], full_m) if rocks else np.empty((0, 3), np.uint8)
+def _colour_all(errors: FoundErrors, full_m: float) -> FoundErrors:
+    """The same errors with colours for another range; any thread may call this."""
+    of_rocks = _colour(errors.rocks[2], full_m) if errors.rocks else np.empty((0, 4), np.float32)
+    return replace(errors, full_m=full_m, colours=(_colour(errors.ground, full_m), of_rocks))
 
 
 def _colour(shown: VertexErrors, full_m: float) -> Array:
-    return colour_errors(np.asarray(shown.error_m, np.float32), shown.kind.astype(np.int8), full_m)
+    error_m, kind = np.asarray(shown.error_m, np.float32), shown.kind.astype(np.int8)
+    return to_linear_colours(colour_errors(error_m, kind, full_m))
 
 
 def show_errors(
-    scene: bpy.types.Scene, built: Built, errors: FoundErrors, title: str, full_m: float
+    find_build: Callable[[], Built], errors: FoundErrors, title: str, find_full_m: Callable[[], float]
+) -> Steps[bpy.types.Collection]:
+    """Paint errors in steps on the ground and rocks of a built scene, in place of anything painted before. Errors of
+    ``find_full_m`` metres and more have the full colour.
+
+    The last step alone changes the scene, which it finds by ``find_build``. Raises IcyMoonError, before any change, if
+    the errors were found on another ground.
+    """
+    while (full_m := find_full_m()) != errors.full_m:  # the user has changed it meanwhile
+        errors = yield partial(_colour_all, errors, full_m)
+    copies = _build_copies(errors.rocks, errors.colours[1]) if errors.rocks else None
+    try:
+        yield None
+        built = find_build()
+        refuse_other_ground(built, errors.ground.error_m, copies)
+    except BaseException:
+        remove_unlinked(copies)
+        raise
+    return _show_in_scene(built, errors, title, copies)
+
+
+def _show_in_scene(
+    built: Built, errors: FoundErrors, title: str, copies: bpy.types.Object | None
 ) -> bpy.types.Collection:
-    """Paint errors on the ground and rocks of a built scene, in place of anything painted before. Errors of ``full_m``
-    metres and more have the full colour. Raises IcyMoonError, before any change, if the errors were found on another
-    ground."""
+    """Give the meshes of a built scene the colours of errors, and link the copies of rocks."""
     mesh = built.terrain.data
-    if len(mesh.vertices) != len(errors.ground.error_m):
-        raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
-    collection = begin_painting(scene, mesh, NAME)
+    collection = begin_painting(built.scene, mesh, NAME)
     collection[_COUNTS_PROPERTY] = errors.counts | {"title": title}
-    same = full_m == errors.full_m  # else the user has changed it meanwhile
-    of_ground, of_rocks = errors.colours if same else _colour_all(errors.ground, errors.rocks, full_m)
-    _fill_attributes(mesh, errors.ground, of_ground)
+    _fill_attributes(mesh, errors.ground, errors.colours[0])
     for shape in find_rock_meshes(built):  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.vertices)
         unseen = VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf))
-        _fill_attributes(shape, unseen, _colour(unseen, full_m))
-    if errors.rocks:
-        _link_rocks(collection, errors.rocks, of_rocks)
+        _fill_attributes(shape, unseen, _colour(unseen, errors.full_m))
+    if copies is not None:
+        copies.name, copies.data.name = _COPIES_NAME, NAME  # which earlier ones had until now
+        collection.objects.link(copies)
     darken_meshes(find_other_meshes(built))
     return collection
 
@@ -287,8 +324,9 @@ def _find_painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
 
 
 def read_vertex_positions(mesh: bpy.types.Mesh) -> Array:
+    """Positions (n, 3) of a mesh's vertices in its coordinates, float32."""
     # mesh.vertices has the same, but takes 20 times as long.
-    return read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3).astype(np.float64)
+    return read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3)
 
 
 def _read_edges(mesh: bpy.types.Mesh) -> Array:
@@ -296,8 +334,9 @@ def _read_edges(mesh: bpy.types.Mesh) -> Array:
 
 
 def to_world(matrix: ArrayLike, position: Array) -> Array:
+    """Positions (n, 3) in the world, float64."""
     whole = np.array(matrix, np.float64)
-    return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
+    return np.asarray(position.astype(np.float64) @ whole[:3, :3].T + whole[:3, 3])
 
 
 def _find_vertex_errors(
@@ -316,11 +355,15 @@ def _find_vertex_errors(
 def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
     """The matrices (n, 4, 4) of the instances of each shape of rocks."""
     fields = {item for item in built.collection.all_objects if item.get(TAG) == "rock"}
-    matrices: dict[bpy.types.Object, list[Any]] = {}
-    for each in bpy.context.evaluated_depsgraph_get().object_instances if fields else ():
-        if each.is_instance and each.parent.original in fields and each.object.type == "MESH":
-            matrices.setdefault(each.object.original, []).append(np.array(each.matrix_world, np.float64))
-    return {shape: np.array(found) for shape, found in matrices.items()}
+    if not fields:
+        return {}
+    instances, numbers = bpy.context.evaluated_depsgraph_get().object_instances, dict[bpy.types.Object, list[int]]()
+    for k, each in enumerate(instances):
+        if each.is_instance and each.parent.original in fields:
+            numbers.setdefault(each.object.original, []).append(k)
+    # To read the matrix of each instance apart takes three times as long. Blender keeps matrices by columns.
+    matrices = read_property(instances, "matrix_world", width=16).reshape(-1, 4, 4).transpose(0, 2, 1)
+    return {shape: matrices[found].astype(np.float64) for shape, found in numbers.items() if shape.type == "MESH"}
 
 
 def find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
@@ -405,36 +448,57 @@ def _repeat_indices(indices: Array, times: int, vertices: int) -> Array:
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
-def _link_rocks(collection: bpy.types.Collection, rocks: tuple[Array, Array, VertexErrors], colours: Array) -> None:
-    """Add the object of the copies of rocks."""
+def _build_copies(rocks: tuple[Array, Array, VertexErrors], colours: Array) -> bpy.types.Object:
+    """The object of the copies of rocks, in no collection."""
     position, triangles, shown = rocks
     mesh = build_mesh_from_arrays(NAME, position, triangles)
     _fill_attributes(mesh, shown, colours)
     material = build_material(COLOUR)
     mesh.materials.append(material)
-    item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
+    item = bpy.data.objects.new(_COPIES_NAME, mesh)
     material[TAG] = item[TAG] = ROLE
     item.hide_render = True
     # Hide the copies from Cycles in a 3D View, where their unlit colours would be black beside sunlit ice and hide the
     # rocks.
     compat.hide_from_rays(item)
-    collection.objects.link(item)
+    return item
+
+
+def refuse_other_ground(built: Built, of_vertices: Array, *items: bpy.types.Object | None) -> None:
+    """Raise IcyMoonError if values ``of_vertices`` (n, …) are not of the built ground, or if some of the ``items`` that
+    were made for it are gone."""
+    if len(built.terrain.data.vertices) != len(of_vertices):
+        raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
+    try:
+        kept = all(block.name for item in items if item for block in (item, item.data, *item.data.materials))
+    except ReferenceError:  # undo, or Purge Unused Data
+        kept = False
+    if not kept:
+        raise IcyMoonError("A part of the painting was removed while it was made; paint it again.")
+
+
+def remove_unlinked(*items: bpy.types.Object | None) -> None:
+    """Remove objects that are in no collection, with their meshes and materials, unless undo has removed them."""
+    for item in items:
+        with suppress(ReferenceError):
+            if item is not None:
+                bpy.data.batch_remove([*item.data.materials, item.data, item])
 
 
 def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, colours: Array) -> None:
-    """Add the attributes to a mesh, and show the colours, sRGB uint8 (n, 3). The attribute that renders use as the
-    mesh's colours stays.
+    """Add the attributes to a mesh, and show the colours of ``to_linear_colours``. The attribute that renders use as
+    the mesh's colours stays.
     """
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
-    set_colours(add_colours(mesh), colours)
+    fill_colours(add_colours(mesh), colours)
     mesh.update_tag()
 
 
 def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
     """Add the colours of vertices to a mesh, and show them."""
     rendered = mesh.attributes.default_color_name or ""
-    mesh.color_attributes.new(COLOUR, "BYTE_COLOR", "POINT")
+    mesh.color_attributes.new(COLOUR, "FLOAT_COLOR", "POINT")
     mesh.attributes.active_color_name, mesh.attributes.default_color_name = COLOUR, rendered
     return mesh.attributes[COLOUR]
 

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import bpy
 
 from ..nodes import painted_decisions, painted_errors
-from ..nodes.built_scene import Built
 from ..render.pairs.dataset_file_names import pairs_folder
 from ..settings.blender import scene_properties
 from ..stereo.decisions import stored_maps
 from ..stereo.matchers.methods import describe_method
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
+from ..support.steps import Steps
 from . import errors_in_view
-from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
+from .job_operators import KeyStoppedOperator, PiecewiseOperator
+from .jobs import Job
 from .operator_type import ExplainedOperator
-from .render import find_dataset_folder
-from .sidebar_text import format_for_window
+from .render import find_dataset_folder, require_scene
+from .session import session
+from .settled_steps import settle
 
 #: The maps, with the names on their buttons.
 MAPS = (
@@ -47,7 +51,7 @@ def _find_folder(scene: bpy.types.Scene) -> Path:
     return find_dataset_folder(scene_properties.read_for_display(scene.icymoon)) / "decisions"
 
 
-class ICYMOON_OT_paint_decisions(ExplainedOperator, bpy.types.Operator):
+class ICYMOON_OT_paint_decisions(PiecewiseOperator, KeyStoppedOperator, bpy.types.Operator):
     """Paint what a lander would decide on the ground, in Solid shading, with the chosen site and the arm's reach"""
 
     bl_idname = "icymoon.paint_decisions"
@@ -63,31 +67,39 @@ class ICYMOON_OT_paint_decisions(ExplainedOperator, bpy.types.Operator):
             return ""
         return "There are no decisions on this data set yet; press Decide Where to Dig"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        scene = context.scene
-        method = self.method or list_decided_methods(scene)[0]
-        leave_edit_mode()  # a mesh that is being edited has no attributes
-        try:
-            built, stored = _read_decisions(scene, method, self.map)
-            collection = painted_decisions.paint_decisions(scene, built, stored, describe_method(method))
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
+    def start(self, context: bpy.types.Context) -> Job:
+        """Start to paint, in place of what is being painted."""
+        session.stop_painting()
+        session.painting = PiecewiseOperator.start(self, context)
+        return session.painting
+
+    def report_end(self, context: bpy.types.Context) -> None:
+        """Forget the job."""
+        if session.painting is self._job:
+            session.painting = None
+
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+        """Find the map, and paint it, in steps."""
+        uid, method = context.scene.session_uid, self.method or list_decided_methods(context.scene)[0]
+        read = yield from settle(partial(_find_map, uid, method, self.map))
+        stored = yield read
+        find_build = partial(errors_in_view.find_current_build, uid)
+        collection = yield from painted_decisions.paint_decisions(find_build, stored, describe_method(method))
         show_colours(context, list(collection.objects), solid=True)
         site = _SITES_BY_VERDICT.get(stored.guarantee, "") if stored.chosen else "; no site is safe"
         self.report({"INFO"}, show_controls(f"Decisions by {describe_method(method)} shown on the ground{site}"))
-        return {"FINISHED"}
 
 
-def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
-    """The built scene and a map of its pair. Raises IcyMoonError if the scene or the map is missing."""
-    folder = _find_folder(scene)
+def _find_map(scene_uid: int, method: str, kind: str) -> Steps[Callable[[], stored_maps.StoredMap]]:
+    """A function that reads a map of the pair that shows a built scene, found in steps. Raises IcyMoonError if the
+    scene or the map is missing."""
+    folder = _find_folder(require_scene(scene_uid))
     pairs = stored_maps.list_pairs(folder, method)
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
-    built = errors_in_view.find_current_build(scene)
-    shown = errors_in_view.find_shown_pairs(scene, built, pairs_folder(folder.parent), pairs)
-    return built, stored_maps.read_map(folder, shown[0], method, kind)
+    built = errors_in_view.find_current_build(scene_uid)
+    shown = yield from errors_in_view.find_shown_pairs(built, pairs_folder(folder.parent), pairs)
+    return partial(stored_maps.read_map, folder, shown[0], method, kind)
 
 
 class ICYMOON_OT_hide_decisions(ExplainedOperator, bpy.types.Operator):

@@ -12,21 +12,20 @@ from ..nodes import build_scene as scenes
 from ..nodes import measured_surface, painted_errors
 from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import read_pair
-from ..render.workers.watched_thread import Calculation
 from ..settings import change_announcements
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import read_depth_errors
 from ..stereo.matchers.methods import describe_method
-from ..support.errors import IcyMoonError
+from ..support.errors import IcyMoonError, describe_error
 from ..support.number_text import format_count
 from ..support.printer import show_controls
+from ..support.steps import Steps
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, show_colours, shows_errors
-from .job_operators import JobOperator
-from .jobs import Job
+from .job_operators import JobOperator, PiecewiseOperator
 from .operator_type import ExplainedOperator
-from .render import plan_pairs
+from .render import plan_pairs_in_steps, require_scene
 from .results import (
     ResultOperator,
     explain_missing_results,
@@ -36,8 +35,8 @@ from .results import (
     list_methods_with_disparities,
     list_methods_with_points,
 )
+from .settled_steps import settle
 from .sidebar_text import format_for_window
-from .window_areas import find_scene
 from .window_events import make_registration
 
 
@@ -71,7 +70,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
+class ICYMOON_OT_paint_errors(PiecewiseOperator, JobOperator, bpy.types.Operator):
     """Paint the depth errors of a matcher on the ground and its rocks, in Solid shading: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
 
     bl_idname = "icymoon.paint_errors"
@@ -84,42 +83,42 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
     def find_obstacle(cls, context: bpy.types.Context) -> str:
         return explain_missing_results(context.scene) or super().find_obstacle(context)
 
-    def start(self, context: bpy.types.Context) -> Job:
-        """Let a thread find the errors of all vertices."""
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+        """Find the errors of all vertices, and paint them, in steps."""
         scene = context.scene
-        self._scene_uid = scene.session_uid
-        self._method = self.method or next(iter(list_methods_with_disparities(scene)), "")
-        leave_edit_mode()  # a mesh that is being edited has no attributes
-        built, sources = _find_errors(scene, self._method)
-        meshes = painted_errors.read_meshes(built)
-        work = partial(_compute_errors, meshes, sources, scene.icymoon.error_range_m)
-        return Job(self.bl_label, Calculation(work, "the errors", reports=True), if_stopped="nothing is painted")
-
-    def report_success(self, context: bpy.types.Context) -> None:
-        """Paint the errors."""
-        scene, title = find_scene(self._scene_uid), describe_method(self._method)
-        if scene is None:
-            return
-        leave_edit_mode()
-        collection = painted_errors.show_errors(
-            scene, find_current_build(scene), self._job.result["value"], title, scene.icymoon.error_range_m
+        uid, method = scene.session_uid, self.method or next(iter(list_methods_with_disparities(scene)), "")
+        sources = yield from settle(partial(_find_errors, uid, method))
+        meshes = yield from settle(partial(_read_meshes, uid))
+        full_m = require_scene(uid).icymoon.error_range_m
+        errors = yield partial(_compute_errors, meshes, sources, full_m, report)
+        collection = yield from painted_errors.show_errors(
+            partial(find_current_build, uid),
+            errors,
+            title := describe_method(method),
+            lambda: require_scene(uid).icymoon.error_range_m,
         )
         show_colours(context, list(collection.objects), solid=True)
         self.report({"INFO"}, show_controls(f"Depth errors of {title} painted on the ground"))
 
 
-def _find_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[tuple[Path, Path]]]:
-    """Find the built scene, and folder and disparities of its evaluated pairs: those of the present settings, else
-    pairs of the same ground and cameras.
+def _find_errors(scene_uid: int, method: str) -> Steps[list[tuple[Path, Path]]]:
+    """Find, in steps, folder and disparities of the evaluated pairs of a built scene: those of the present settings,
+    else pairs of the same ground and cameras.
 
     Raises IcyMoonError if there is no such pair.
     """
+    scene = require_scene(scene_uid)
     files = find_disparity_files(scene, method)
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
-    built = find_current_build(scene)
     pairs = pairs_folder(find_measured_dataset(scene))
-    return built, [(pairs / name, files[name]) for name in find_shown_pairs(scene, built, pairs, sorted(files))]
+    shown = yield from find_shown_pairs(find_current_build(scene_uid), pairs, sorted(files))
+    return [(pairs / name, files[name]) for name in shown]
+
+
+def _read_meshes(scene_uid: int) -> Steps[painted_errors.MeshesToPaint]:
+    """Read the meshes of a built scene in steps."""
+    return (yield from painted_errors.read_meshes(find_current_build(scene_uid)))
 
 
 def _compute_errors(
@@ -128,13 +127,22 @@ def _compute_errors(
     full_m: float,
     report: Callable[[float, str], object],
 ) -> painted_errors.FoundErrors:
-    """Read the depth errors of pairs, and find those of the vertices; a thread calls this, since reading takes long."""
-    found = [read_depth_errors(folder, file) for folder, file in sources]
-    return painted_errors.find_errors(meshes, found, full_m, report)
+    """Read the depth errors of pairs, and find those of the vertices; a thread calls this, since reading takes long.
+
+    Raises IcyMoonError for any error.
+    """
+    try:
+        found = [read_depth_errors(folder, file) for folder, file in sources]
+        return painted_errors.find_errors(meshes, found, full_m, report)
+    except Exception as error:
+        raise IcyMoonError(describe_error(error, "the errors")) from error
 
 
-def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
-    """The built scene. Raises IcyMoonError if its ground or camera differs from the present settings."""
+def find_current_build(scene_uid: int) -> scenes.Built:
+    """The built scene with this ``session_uid``, in Object Mode. Raises IcyMoonError if its ground or camera differs
+    from the present settings."""
+    scene = require_scene(scene_uid)
+    leave_edit_mode()  # a mesh that is being edited has no attributes
     built = scenes.find_built(scene)
     if built is None or built.preview:
         raise IcyMoonError("The built ground differs from the ground of the evaluated pair; press Build Scene first.")
@@ -145,12 +153,14 @@ def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
     return built
 
 
-def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, folder: Path, names: Sequence[str]) -> list[str]:
-    """The pairs with these ids in a folder that show the built scene: pairs of the present settings, or else of the
-    same ground and cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
-    settings = scene_properties.read_settings(scene.icymoon)
-    found = [pair.id for pair in plan_pairs(scene, settings) if pair.id in names]
-    return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
+def find_shown_pairs(built: scenes.Built, folder: Path, names: Sequence[str]) -> Steps[list[str]]:
+    """The pairs with these ids in a folder that show the built scene, found in steps: pairs of the present settings, or
+    else of the same ground and cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
+    settings = scene_properties.read_settings(built.scene.icymoon)
+    planned = yield from plan_pairs_in_steps(built.scene, settings)
+    if found := [pair.id for pair in planned if pair.id in names]:
+        return found
+    return (yield from _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names]))
 
 
 def _changes_ground_or_camera(name: str) -> bool:
@@ -158,7 +168,7 @@ def _changes_ground_or_camera(name: str) -> bool:
     return TOPICS[topic][key].effect in ("geometry", "camera")
 
 
-def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]) -> list[str]:
+def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]) -> Steps[list[str]]:
     """Ids of pairs of the built scene, one for each heading.
 
     Raises IcyMoonError, with the reason, if no pair shows the scene.
@@ -167,7 +177,7 @@ def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]
     reasons = []
     for folder in folders:
         pair = read_pair(folder)
-        if why := painted_errors.why_not_shown(built, headings, pair):
+        if why := (yield from painted_errors.why_not_shown(built, headings, pair)):
             reasons.append(why)
         else:
             found.setdefault(float(pair.settings.rig.heading_deg), pair.id)

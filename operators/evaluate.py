@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -21,10 +22,12 @@ from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
+from ..support.steps import Steps, finish
 from . import jobs, last_variations, results, trusted_reports
-from .job_operators import JobOperator
+from .job_operators import JobOperator, PreparingOperator
 from .preferences import find_evaluator_python, is_evaluator_missing, list_plugin_matchers, make_own_matcher_arguments
-from .render import find_dataset_folder, plan_pairs
+from .render import find_dataset_folder, plan_pairs_in_steps, require_scene
+from .settled_steps import settle
 from .window_areas import find_scene, push_undo
 
 #: What can be evaluated, as items of a choice.
@@ -37,8 +40,14 @@ SCOPES = (
 
 def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
     """The folders of the rendered pairs of the present settings. Raises IcyMoonError if no pair is rendered."""
+    return finish(find_rendered_pairs_in_steps(context.scene.session_uid, settings))
+
+
+def find_rendered_pairs_in_steps(scene_uid: int, settings: Settings) -> Steps[list[Path]]:
+    """As ``find_rendered_pairs``, in steps."""
     dataset = find_dataset_folder(settings)
-    paths = [path for path in (p.folder(dataset) for p in plan_pairs(context.scene, settings)) if is_complete(path)]
+    planned = yield from plan_pairs_in_steps(require_scene(scene_uid), settings)
+    paths = [path for path in (pair.folder(dataset) for pair in planned) if is_complete(path)]
     if not paths:
         raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; press Render Stereo Pair first.")
     return paths
@@ -131,7 +140,7 @@ class MeasuringJob(jobs.Job):
             self.text = f"{done} of {total} measured" if done < total else "Writing the report"
 
 
-class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
+class ICYMOON_OT_evaluate(PreparingOperator, bpy.types.Operator):
     """Run the chosen stereo matchers on the rendered pairs, compare the result with the truth and write a report"""
 
     bl_idname = "icymoon.evaluate"
@@ -169,12 +178,15 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
             "--json-lines",
         )
 
-    def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.read_settings(context.scene.icymoon)
+    def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:
+        uid, settings = context.scene.session_uid, scene_properties.read_settings(context.scene.icymoon)
         settings = results.select_dataset(context.scene, settings, self.scope)
-        found = find_rendered_pairs(context, settings) if self.scope == "SCENE" else []
-        command = self._make_command(context.scene, settings, found or [find_dataset_folder(settings)])
-        self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
+        found = list[Path]()
+        if self.scope == "SCENE":
+            found = yield from settle(partial(find_rendered_pairs_in_steps, uid, settings))
+        scene = require_scene(uid)
+        command = self._make_command(scene, settings, found or [find_dataset_folder(settings)])
+        self._keeper = ResultKeeper(scene, self.scope, settings, [folder.name for folder in found])
         return MeasuringJob.start("Evaluate", command, self._keeper)
 
     def report_success(self, context: bpy.types.Context) -> None:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 
 import bpy
 
+from ..render.workers.process import Message
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps, finish
 from . import jobs, unseen_jobs
 from .operator_type import ExplainedOperator
 from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import redraw_panels
+from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 
 class WatchingOperator(ExplainedOperator):
@@ -36,6 +40,10 @@ class WatchingOperator(ExplainedOperator):
         """Use the results of the job. Raises IcyMoonError if that fails."""
         raise NotImplementedError
 
+    def begin(self, context: bpy.types.Context) -> jobs.Job | None:
+        """Start the job from the window; by default as ``start`` does."""
+        return self.start(context)
+
     def run_blocking(self, context: bpy.types.Context) -> None:
         """Run the job to its end. Raises IcyMoonError if it fails."""
         self._job = self.start(context)
@@ -59,7 +67,7 @@ class WatchingOperator(ExplainedOperator):
         if bpy.app.background:
             return self.execute(context)
         try:
-            self._job = self.start(context)
+            self._job = self.begin(context)
             if self._job is None:
                 self.report_success(context)
                 return {"FINISHED"}
@@ -151,6 +159,53 @@ class WatchingOperator(ExplainedOperator):
         """Called when the job has ended, with or without success."""
 
 
+class PiecewiseOperator(WatchingOperator):
+    """Mix-in: an operator that works on the scene in pieces, so that the window stays usable."""
+
+    interval_s = PIECES_INTERVAL_S
+    bl_label: str
+
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+        """The work, in steps, of which the last alone changes the scene. Raises IcyMoonError if it fails.
+
+        Any thread may ``report`` the finished share, 0 to 1, and the present work.
+        """
+        raise NotImplementedError
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        """Start to work in pieces."""
+        reports = list[Message]()
+
+        def report(fraction: float, text: str) -> None:
+            reports.append({"type": "progress", "fraction": fraction, "message": text})
+
+        work = WorkInPieces(self.make_steps(context, report), self.bl_label, reports)
+        return jobs.Job(self.bl_label, work, if_stopped="the scene is as before")
+
+    def run_blocking(self, context: bpy.types.Context) -> None:
+        """Work to the end. Raises IcyMoonError if that fails."""
+        finish(self.make_steps(context, lambda *_: None))
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        """The steps have reported it."""
+
+
+class KeyStoppedOperator(WatchingOperator):
+    """Mix-in: an operator whose job Esc and Ctrl Z stop at once."""
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        is_undo = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
+        assert self._job is not None
+        if event.value != "PRESS" or not (event.type == "ESC" or is_undo) or not self._job.process.running:
+            return super().modal(context, event)
+        self._job.cancel()
+        self.clean_up_after_stop()
+        return {"RUNNING_MODAL"}  # the next look ends the operator
+
+    def clean_up_after_stop(self) -> None:
+        """Take back what the operator has changed before its job."""
+
+
 def find_running_job() -> str:
     """A text that the job of the sidebar is running; empty without a job."""
     return f"{session.job.title} is running" if session.job is not None else ""
@@ -216,6 +271,46 @@ class JobOperator(WatchingOperator):
             self.report({"WARNING"}, format_for_window(warning))
         if self._job.process.cancelled and not self._job.process.left:
             self.report({"WARNING"}, format_for_window(self._job.failure))
+
+
+class PreparingOperator(JobOperator):
+    """Mix-in: an operator that prepares its job in pieces, so that the window stays usable."""
+
+    interval_s = PIECES_INTERVAL_S
+    _prepares = False
+
+    def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:
+        """Start the job, in steps. Raises IcyMoonError if it cannot start."""
+        raise NotImplementedError
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        return finish(self.prepare(context))
+
+    def begin(self, context: bpy.types.Context) -> jobs.Job:
+        """Start to prepare the job."""
+        self._prepares = True
+        work = WorkInPieces(self.prepare(context), self.bl_label)
+        return jobs.Job(self.bl_label, work, if_stopped="nothing was begun")
+
+    def look(self, context: bpy.types.Context) -> bool:
+        """Check the job, and go on with the prepared one."""
+        running = super().look(context)
+        if running or not self._prepares or self._job.failure:
+            return running
+        self._prepares, job = False, self._job.result["value"]
+        if session.job is self._job:
+            session.job = job
+        self._job = job
+        if self._watch is not None:
+            self._watch.job = job
+        self._change_interval(context, jobs.INTERVAL_S)
+        return True
+
+    def _change_interval(self, context: bpy.types.Context, seconds: float) -> None:
+        """Look at the job after other times from now on. A timer whose events have stopped may be freed already."""
+        if self._timer is not None and self._watch is not None and self._watch.is_seen:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = context.window_manager.event_timer_add(seconds, window=context.window)
 
 
 class DialogJobOperator(JobOperator):

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -26,11 +27,14 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
+from ..support.steps import Steps, finish
 from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
-from .job_operators import JobOperator
+from .build_in_pieces import make_for_scene, put_in_scene
+from .job_operators import PreparingOperator
 from .refine_ground import start_refining
 from .session import session
+from .settled_steps import settle
 from .sidebar_text import format_for_window, keep_speed
 from .user_render import prepare_render
 from .window_areas import find_scene, pause_rendered_views, push_undo
@@ -66,21 +70,44 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
     return _build_anew(scene, settings)
 
 
-def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
+def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Built | None]:
     """The built scene that is rendered as the user edited it; None if another process builds it from its settings.
 
     The window must not wait for that process. It shows coarse ground, unless it shows the settings already, and the
     fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
-    built = _find_traceable(scene)
-    if find_reasons_without_file(settings) or (built is not None and built.edited):
+    edited = yield from settle(partial(_find_whether_edited, scene_uid))
+    scene = require_scene(scene_uid)
+    if find_reasons_without_file(settings) or edited:
         return bring_up_to_date(scene, settings)
+    built = scenes.find_built(scene)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):
         if not preview.find_preview_of(scene, settings):
-            _build_anew(scene, settings, preview.build_coarse)
+            yield from _build_coarse_anew(scene_uid, settings)
         start_refining()
     return None
+
+
+def _find_whether_edited(scene_uid: int) -> Steps[bool]:
+    """Whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be detected."""
+    built = _find_traceable(require_scene(scene_uid))
+    return built is not None and (yield from built.find_whether_edited())
+
+
+def require_scene(scene_uid: int) -> bpy.types.Scene:
+    """The scene with this ``session_uid``. Raises IcyMoonError if it was deleted."""
+    scene = find_scene(scene_uid)
+    if scene is None:
+        raise IcyMoonError("The scene was deleted meanwhile; choose another scene, and start again.")
+    return scene
+
+
+def _build_coarse_anew(scene_uid: int, settings: Settings) -> Steps[None]:
+    """Build a scene with coarse ground in steps. What the user changes meanwhile is shown afterwards."""
+    session.stop_building()
+    scene, made = yield from make_for_scene(scene_uid, settings)
+    _build_anew(scene, settings, partial(put_in_scene, made=made))
 
 
 def _find_traceable(scene: bpy.types.Scene) -> scenes.Built | None:
@@ -113,12 +140,19 @@ def _build_anew(
 
 def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would render of a scene now."""
+    return finish(plan_pairs_in_steps(scene, settings))
+
+
+def plan_pairs_in_steps(scene: bpy.types.Scene, settings: Settings) -> Steps[list[PlannedPair]]:
+    """As ``plan_pairs``, in steps."""
     built = scenes.find_built(scene)
     if built is not None:
         scenes.separate_from_copies(built)
     # Reading the marks of a full ground takes 0.2 s, so they are read only once.
-    if built is not None and (not scenes.list_changed_settings(built, settings) or built.edited):
-        return expand_headings(settings, built.extra)
+    if built is not None and (
+        not scenes.list_changed_settings(built, settings) or (yield from built.find_whether_edited())
+    ):
+        return expand_headings(settings, (yield from built.find_extra()))
     return expand_headings(settings, scenes.make_build_facts(settings))
 
 
@@ -141,7 +175,7 @@ def keep_speed_of_pair(folder: Path) -> None:
             keep_speed(speed)
 
 
-class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
+class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):
     """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc twice stops it"""
 
     bl_idname = "icymoon.render_pair"
@@ -151,21 +185,23 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         name="Again", default=False, description="Render pairs again that are already complete"
     )
 
-    def start(self, context: bpy.types.Context) -> jobs.Job:
+    def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:
         settings = scene_properties.read_settings(context.scene.icymoon)
         check_possible(settings.quality)
         before = scenes.find_built(context.scene)
         views = find_views_through(context, before.camera if before else None)
-        edited = show_rendered_scene(context.scene, settings)
-        if built := scenes.find_built(context.scene):
-            look_through(views, built)
         self._scene_uid = context.scene.session_uid
         self._rendered: list[str] = []
+        yield None
+        edited = yield from show_rendered_scene(self._scene_uid, settings)
+        scene = require_scene(self._scene_uid)
+        if built := scenes.find_built(scene):
+            look_through(views, built)
         files = JobFiles(
             find_dataset_folder(settings),
             make_paths_absolute(settings),
             again=self.again,
-            scene=context.scene.name if edited else None,
+            scene=scene.name if edited else None,
         )
         if edited:
             self._warn(edited)

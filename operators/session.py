@@ -59,6 +59,7 @@ class Session:
     building: Job | None = None  # builds a scene with coarse ground, piece by piece
     left_to_build: bool = False  # changed settings are not shown, because a build follows
     undone_build: bool = False  # the undo that runs now has stopped a build
+    painting: Job | None = None  # paints decisions, piece by piece
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
     placing: WorkInPieces | None = None  # shows the scene with that ground
@@ -89,7 +90,7 @@ class Session:
 
     def reset(self) -> None:
         """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""
-        every = self.job, self.reading, self.developing, self.building, self.meshing, self.tracing
+        every = self.job, self.reading, self.developing, self.building, self.painting, self.meshing, self.tracing
         running = [job for job in every if job is not None]
         for job in running:
             job.close()
@@ -105,6 +106,12 @@ class Session:
         if self.building is not None:
             self.building.close()
             self.building = None
+
+    def stop_painting(self) -> None:
+        """Stop to paint decisions."""
+        if self.painting is not None:
+            self.painting.close()
+            self.painting = None
 
 
 session = Session()

@@ -54,7 +54,7 @@ def watch(operator: Any, job: Job) -> Watch:
 
 def close_job(job: Job) -> None:
     """Stop a job, so that other jobs can start."""
-    for name in ("job", "reading", "developing", "building", "meshing"):
+    for name in ("job", "reading", "developing", "building", "painting", "meshing"):
         if getattr(session, name) is job:
             setattr(session, name, None)
     redraw_panels()

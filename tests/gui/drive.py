@@ -1609,6 +1609,7 @@ def act(lateness: Lateness, action: str, do: Waiting) -> Waiting:
     lateness.count(action)
     yield from do
     yield from ended()
+    yield from until(lambda: not session().painting, action)
     yield from until(lambda: not built() or not previewing() or not refining(), f"The ground after {action}")
     yield 5 * TICK_S
     lateness.count("")

@@ -23,6 +23,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -243,8 +244,9 @@ def decided() -> None:
         10.0,
     )
     scene = bpy.context.scene
-    collection = module("nodes.painted_decisions").paint_decisions(
-        scene, module("nodes.build_scene").find_built(scene), stored, "StereoBM"
+    find_build = partial(module("nodes.build_scene").find_built, scene)
+    collection = module("support.steps").finish(
+        module("nodes.painted_decisions").paint_decisions(find_build, stored, "StereoBM")
     )
     module("operators.coloured_views").show_colours(bpy.context, list(collection.objects), solid=True)
     module("panels.decision_maps").list_decided_methods = lambda _: ["bm", "true depth"]

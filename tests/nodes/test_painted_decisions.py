@@ -22,6 +22,8 @@ from icymoon.stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILIT
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.steps import Steps, finish
+from pieces import stop_after, walk
 from rendering import render
 
 SCENE = {
@@ -58,6 +60,10 @@ def made(kind: str = SUITABILITY) -> StoredMap:
     )
 
 
+def paint(built, stored: StoredMap, title: str) -> bpy.types.Collection:
+    return finish(painted_decisions.paint_decisions(lambda: built, stored, title))
+
+
 def colours(mesh) -> Array:
     return np.rint(
         255 * read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(-1, 4)[:, :3]
@@ -78,7 +84,7 @@ def blocks() -> list[int]:
 def test_vertices_have_the_colours_of_their_cells(shown):
     _, built = shown
     stored = made()
-    painted_decisions.paint_decisions(bpy.context.scene, built, stored, "bm")
+    paint(built, stored, "bm")
     x, y, _ = read_property(built.terrain.data.vertices, "co", width=3).reshape(-1, 3).astype(np.float64).T
     within = (np.abs(x) < 1.49) & (np.abs(y) < 0.99)
     assert within.sum() > 1000
@@ -94,9 +100,7 @@ def test_vertices_have_the_colours_of_their_cells(shown):
 
 def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     _, built = shown
-    site, reach = sorted(
-        painted_decisions.paint_decisions(bpy.context.scene, built, made(), "bm").objects, key=lambda item: item.name
-    )
+    site, reach = sorted(paint(built, made(), "bm").objects, key=lambda item: item.name)
     assert (site.name, reach.name) == ("Chosen Site", "Reach")
     thick_m = 0.0065  # half a line, and rounding
     place = positions(site.data)
@@ -128,7 +132,7 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
         ("unlike", "Unlike ground, no guarantee, crossed-out ring"),
     ):
         stored = replace(made(), guarantee=verdict)
-        collection = painted_decisions.paint_decisions(bpy.context.scene, built, stored, "bm")
+        collection = paint(built, stored, "bm")
         told = {text for text, _ in painted_decisions.make_legend(bpy.context.scene)}
         assert text in told
         assert not any(text.startswith("Chosen") for text in told)
@@ -137,7 +141,7 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
         within = np.linalg.norm((positions(site.data) - centre)[:, :2], axis=1)
         assert within.max() < 0.15 + 2 * thick_m
         assert set(Counter(edge for face in site.data.polygons for edge in face.edge_keys).values()) == {2}
-    none = painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
+    none = paint(built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.meshes
     assert not any(text.startswith(("Chosen", "Reach")) for text, _ in painted_decisions.make_legend(bpy.context.scene))
@@ -151,7 +155,7 @@ def test_what_is_no_ground_is_dark(shown):
     item = bpy.data.objects.new("Lander", mesh)
     built.collection.objects.link(item)
     try:
-        painted_decisions.paint_decisions(bpy.context.scene, built, made(), "bm")
+        paint(built, made(), "bm")
         assert (colours(mesh) == 60).all()
         painted_errors.clear_painted(bpy.context.scene)
         assert not mesh.color_attributes
@@ -165,7 +169,7 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     scene, mesh = bpy.context.scene, built.terrain.data
     there = blocks()
     before = read_parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
-    painted_decisions.paint_decisions(scene, built, made(), "bm")
+    paint(built, made(), "bm")
     assert (read_parts(built.collection), built.extra) == before[:2]
     assert not built.edited
     (planned,) = expand_headings(pair.settings, built.extra)
@@ -179,14 +183,30 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
 
 def test_a_ground_elsewhere_is_refused_and_what_is_shown_stays(shown):
     _, built = shown
-    painted_decisions.paint_decisions(bpy.context.scene, built, made(), "first")
+    paint(built, made(), "first")
     with pytest.raises(IcyMoonError, match="No vertex of the ground"):
-        painted_decisions.paint_decisions(
-            bpy.context.scene, built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)), "second"
-        )
+        paint(built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)), "second")
     assert painted_decisions.make_legend(bpy.context.scene)[0][0] == "Suitability by first"
     painted_errors.clear_painted(bpy.context.scene)
     assert painted_decisions.make_legend(bpy.context.scene) == ()
+
+
+def test_the_last_piece_alone_shows_decisions_and_nothing_is_left_before(shown):
+    _, built = shown
+    before = blocks(), set(built.terrain.data.attributes.keys())
+    attributes: list[set[str]] = []
+
+    def begin() -> Steps[bpy.types.Collection]:
+        return painted_decisions.paint_decisions(lambda: built, made(), "bm")
+
+    walk(begin(), lambda: attributes.append(set(built.terrain.data.attributes.keys())))
+    assert attributes
+    assert all(each == before[1] for each in attributes)
+    assert painted_errors.COLOUR in built.terrain.data.attributes
+    painted_errors.clear_painted(bpy.context.scene)
+    for pauses in range(1, len(attributes) + 1):
+        stop_after(begin(), pauses)
+        assert (blocks(), set(built.terrain.data.attributes.keys())) == before, f"after {pauses} pauses"
 
 
 @pytest.mark.heavy

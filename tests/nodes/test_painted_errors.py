@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 import pytest
+from built_scenes import everything
 from evaluations import evaluated
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
@@ -17,7 +20,9 @@ from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.image_files import write_disparity
 from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.steps import finish
 from mathutils import Vector
+from pieces import count_pauses, stop_after, walk
 from rendering import render
 
 SCENE = {
@@ -45,9 +50,11 @@ def shown(tmp_path_factory):
 def paint(shown, name="far", full_m=1.0, full_at_start_m=None):
     pair, built, files = shown
     errors = painted_errors.find_errors(
-        painted_errors.read_meshes(built), [read_depth_errors(pair.folder, files[name])], full_at_start_m or full_m
+        finish(painted_errors.read_meshes(built)),
+        [read_depth_errors(pair.folder, files[name])],
+        full_at_start_m or full_m,
     )
-    return painted_errors.show_errors(bpy.context.scene, built, errors, name, full_m)
+    return finish(painted_errors.show_errors(lambda: built, errors, name, lambda: full_m))
 
 
 def read(mesh):
@@ -321,8 +328,8 @@ def test_another_heading_of_the_scene_is_no_other_camera(shown):
     root.rig.heading_deg = was - 90.0
     built.remember(scene_properties.read_settings(root), {})
     try:
-        assert "another camera" in painted_errors.why_not_shown(built, 1, pair)
-        assert painted_errors.why_not_shown(built, 4, pair) == ""
+        assert "another camera" in finish(painted_errors.why_not_shown(built, 1, pair))
+        assert finish(painted_errors.why_not_shown(built, 4, pair)) == ""
     finally:
         root.rig.heading_deg = was
         built.remember(before, {})
@@ -342,3 +349,68 @@ def test_edits_of_the_ground_are_refused_and_those_of_the_light_are_not(shown):
     finally:
         built.terrain.data.vertices[0].co = corner
         built.sun.rotation_euler.x -= 0.2
+
+
+def state() -> list[object]:
+    """What the scene shows, and the number of data-blocks in use."""
+    scene = bpy.context.scene
+    shown = [(mesh.name, sorted(mesh.attributes.keys())) for mesh in bpy.data.meshes if mesh.users]
+    return [shown, scene.collection.children.keys(), scene.objects.keys()]
+
+
+def begin_to_paint(shown, full_m=1.0):
+    """The steps that paint errors, and the errors."""
+    pair, built, files = shown
+    found = [read_depth_errors(pair.folder, files["far"])]
+    errors = painted_errors.find_errors(finish(painted_errors.read_meshes(built)), found, 1.0)
+    return lambda: painted_errors.show_errors(lambda: built, errors, "far", lambda: full_m)
+
+
+@pytest.mark.parametrize("full_m", [1.0, 0.3])
+def test_the_last_piece_alone_changes_the_scene(shown, full_m):
+    painted_errors.clear_painted(bpy.context.scene)
+    before, paint_in_steps, states = state(), begin_to_paint(shown, full_m), []
+    collection = walk(paint_in_steps(), lambda: states.append([state()[0][:0], *state()[1:]]))
+    assert states
+    assert all(each == [[], *before[1:]] for each in states)
+    assert painted_errors.COLOUR in shown[1].terrain.data.attributes
+    assert [item.name for item in collection.objects] == [painted_errors.NAME + " on Rocks"]
+
+
+def test_nothing_is_left_wherever_painting_stops(shown):
+    painted_errors.clear_painted(bpy.context.scene)
+    before, counts, paint_in_steps = state(), everything(), begin_to_paint(shown)
+    pauses, _ = count_pauses(paint_in_steps())
+    painted_errors.clear_painted(bpy.context.scene)
+    for number in range(1, pauses + 1):
+        stop_after(paint_in_steps(), number)
+        assert (state(), everything()) == (before, counts), f"after {number} pauses"
+
+
+def test_what_was_painted_stays_if_a_part_of_the_new_painting_is_purged(shown):
+    paint(shown)
+    counts, steps = everything(), begin_to_paint(shown)()
+    with pytest.raises(IcyMoonError, match="was removed while it was made"):
+        walk(steps, lambda: bpy.ops.outliner.orphans_purge(do_recursive=True))
+    assert painted_errors.find_painted(bpy.context.scene) is not None
+    assert everything() == counts
+
+
+def test_repainted_copies_keep_their_name(shown):
+    for _ in range(2):
+        assert paint(shown).objects.keys() == [painted_errors.NAME + " on Rocks"]
+
+
+def test_each_large_array_of_the_ground_is_read_in_a_piece_of_its_own(shown, monkeypatch):
+    """A piece holds the window for the time that it takes to copy what it reads."""
+    sizes, pieces, read_one = [0], [], painted_errors.read_property
+
+    def note(*arguments: Any, **options: Any) -> Any:
+        found = read_one(*arguments, **options)
+        sizes[-1] += found.nbytes
+        return found
+
+    monkeypatch.setattr(painted_errors, "read_property", note)
+    meshes = walk(painted_errors.read_meshes(shown[1]), lambda: sizes.append(0))
+    pieces = sorted(sizes)[::-1]
+    assert pieces[:2] == sorted([meshes.edges.nbytes, meshes.position.nbytes])[::-1]

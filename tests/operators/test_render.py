@@ -24,6 +24,7 @@ from icymoon.stereo.images.exr import read_view
 from icymoon.support import cache_folder
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import hash_file
+from icymoon.support.steps import finish
 from icymoon.support.system import count_processors
 from own_groups import make_group
 
@@ -41,7 +42,7 @@ def started(monkeypatch):
 
     def start(context):
         operator: Any = SimpleNamespace(again=False, _warn=lambda built: None, _hear=lambda message: None)
-        job = render.ICYMOON_OT_render_pair.start(operator, context)
+        job = finish(render.ICYMOON_OT_render_pair.prepare(operator, context))
         return job, read_job(Path(commands[-1][-1])) | {"job": commands[-1][-1]}
 
     return start
@@ -100,7 +101,7 @@ def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, starte
     built = scenes.find_built(small)
     assert len(built.terrain.data.vertices) <= preview.MAX_VERTICES
     assert preview.find_preview_of(small, read_settings())
-    monkeypatch.setattr(render.preview, "build_coarse", None)  # the coarse ground is not made once more
+    monkeypatch.setattr(render.preview, "make_coarse", None)  # the coarse ground is not made once more
     job, _ = started(bpy.context)
     job.clean_up()
 
@@ -108,7 +109,7 @@ def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, starte
 def test_the_scene_that_is_shown_has_the_settings_that_are_rendered(scene):
     """Build Scene turns the Sun of untouched settings; the pair would have another one."""
     settings = read_settings()
-    assert render.show_rendered_scene(scene, settings) is None
+    assert finish(render.show_rendered_scene(scene.session_uid, settings)) is None
     assert read_settings() == settings
     assert scenes.find_built(scene).settings.light == settings.light
 
@@ -116,7 +117,7 @@ def test_the_scene_that_is_shown_has_the_settings_that_are_rendered(scene):
 def test_ground_from_a_file_is_not_read_while_the_window_waits(small, started, monkeypatch):
     small.icymoon.source.kind = "STAND_IN"
     monkeypatch.setattr(scenes, "build_scene", None)
-    monkeypatch.setattr(render.preview, "build_coarse", None)
+    monkeypatch.setattr(render.preview, "make_coarse", None)
     job, facts = started(bpy.context)
     job.clean_up()
     assert facts["blend"] is None

@@ -355,7 +355,10 @@ class Runner:
             0.3,
             10.0,
         )
-        self.module("nodes.painted_decisions").paint_decisions(self.scene, self.built, one, "StereoBM")
+        built = self.built
+        self.module("support.steps").finish(
+            self.module("nodes.painted_decisions").paint_decisions(lambda: built, one, "StereoBM")
+        )
         self.step("Show Decisions")
 
     def do_new_scene(self, kind: str = "NEW") -> None:
