@@ -58,7 +58,12 @@ from .lander.objects import build_lander, place_lander
 from .light.scene_lights import ROLES, compute_scene_sky, list_light_settings, update_lights
 from .rig import place_rig
 from .scene_objects import MadeObjects
-from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
+from .surface.ground_and_rock_materials import (
+    build_ground_material,
+    build_rock_material,
+    follow_ground_material,
+    follow_rock_material,
+)
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
 from .surface.sheltered_ground import check_shelter, mark_shelter
@@ -333,8 +338,8 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
     shapes = [shape for item in rocks for shape in find_instanced_objects(item)]
     builders = {
-        "terrain": ("ground", build_ground_material, [built.terrain]),
-        "rock": ("rocks", build_rock_material, shapes),
+        "terrain": ("ground", follow_ground_material, build_ground_material, [built.terrain]),
+        "rock": ("rocks", follow_rock_material, build_rock_material, shapes),
     }
     by_hand = built.edited_parts(*(f"{role} materials" for role in builders))
     messages: list[str] = []
@@ -342,12 +347,15 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     if find_elevation_mark(settings.surface) != find_elevation_mark(before.surface):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
         mark_elevation(built.terrain.data, settings.surface, _make_drop_function(built))
-    for role, (name, make, items) in builders.items():
+    for role, (name, follow, make, items) in builders.items():
         if f"{role} materials" in by_hand:
             messages.append(_EDITED_MESSAGE.format(f"surface of the {name}"))
         elif items:
             try:
-                changed += _show_material(built, role, items[0], make(settings, built.terrain.data))
+                if follow(items[0].data.materials[0], settings, built.terrain.data):
+                    changed.append(f"{role} materials")
+                else:
+                    changed += _show_material(built, role, items[0], make(settings, built.terrain.data))
             except IcyMoonError as error:  # an image that cannot be read
                 messages.append(str(error))
                 break

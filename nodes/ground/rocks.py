@@ -28,12 +28,15 @@ _SHARP_ANGLE_RAD = math.radians(28.0)
 SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
 
 
-def add_instance_label_pass(material: bpy.types.Material) -> None:
-    """Make a material write the label of its instance into the value pass ``INSTANCE_AOV``."""
-    tree = Tree(material.node_tree, keep=True)
+#: Names of the nodes of ``add_instance_label_pass``.
+LABEL_NODES = _INSTANCE, _EXACT, _LABEL = "Instance", "Exact", "Instance Label"
+
+
+def add_instance_label_pass(tree: Tree) -> None:
+    """Make a material's tree write the label of its instance into the value pass ``INSTANCE_AOV``."""
     # The Vector output is exact; Factor is the mean of three equal numbers, which rounding changes above 2^23.
-    label = tree.attribute("Instance", INSTANCE_ATTRIBUTE, "Vector", "INSTANCER")
-    tree.value_pass("Instance Label", INSTANCE_AOV, value=tree.separated("Exact", label)[0])
+    label = tree.attribute(_INSTANCE, INSTANCE_ATTRIBUTE, "Vector", "INSTANCER")
+    tree.value_pass(_LABEL, INSTANCE_AOV, value=tree.separated(_EXACT, label)[0])
     tree.arrange()
 
 

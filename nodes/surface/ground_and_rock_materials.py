@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -19,6 +20,7 @@ from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_texture_item
+from ...settings.topics.surfaces import SurfaceSettings
 from ...settings.user_files import has_surroundings
 from ...support.errors import IcyMoonError
 from ...support.labels import ROCK, TERRAIN, UV_LAYER
@@ -26,10 +28,12 @@ from ...support.number_text import show_rounded
 from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH
-from ..ground.rocks import add_instance_label_pass
+from ..ground.rocks import LABEL_NODES, add_instance_label_pass
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
-from .ice_material import build_material
+from ..tree.builder import Tree
+from ..tree.followed_tree import FollowedTree, OtherTreeError
+from .ice_material import build_material, fill_material
 from .images import Map, load_maps, load_mask_image, load_placed_map, measure_brightness_percentiles, measure_means
 from .textures import Painted, Textured
 
@@ -196,28 +200,44 @@ def _load_painted(settings: Settings, topic: str) -> Painted | None:
     return Painted(masks, float(settings.terrain.size_m)) if masks else None
 
 
-def _build_named_material(
-    name: str,
-    settings: Settings,
-    topic: str,
-    semantic: int,
-    textured: Textured | None,
-    by_fineness: bool = False,
-    albedo_pass: bool = False,
-    dug: bool = False,
-) -> bpy.types.Material:
-    material = build_material(
-        f"{NAME} {name}",
-        simplify_surface(settings, topic),
+class _Arguments(NamedTuple):
+    """The arguments of ``ice_material.fill_material`` after the tree."""
+
+    surface: SurfaceSettings
+    seed: int
+    semantic: int
+    textured: Textured | None
+    settings: Settings
+    by_fineness: bool
+    albedo_pass: bool
+    dug: bool
+    painted: Painted | None
+
+
+def _describe_ground(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _Arguments:
+    """What ``build_ground_material`` makes the material of."""
+    return _Arguments(
+        simplify_surface(settings, "surface"),
         int(settings.dataset.seed),
-        semantic,
-        textured,
+        TERRAIN,
+        _load_textures(settings, mesh),
         settings,
-        by_fineness,
+        SPACING in mesh.attributes,
         albedo_pass,
-        dug,
-        _load_painted(settings, topic),
+        DEPTH in mesh.attributes,
+        _load_painted(settings, "surface"),
     )
+
+
+def _describe_rock(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _Arguments:
+    """What ``build_rock_material`` makes the material of."""
+    topic, textured = "rock_surface" if settings.rocks.own_surface else "surface", _load_rock_textures(settings, mesh)
+    surface, painted = simplify_surface(settings, topic), _load_painted(settings, topic)
+    return _Arguments(surface, int(settings.dataset.seed), ROCK, textured, settings, False, albedo_pass, False, painted)
+
+
+def _build_named_material(name: str, arguments: _Arguments) -> bpy.types.Material:
+    material = build_material(f"{NAME} {name}", *arguments)
     material[TAG] = "material"
     return material
 
@@ -225,24 +245,34 @@ def _build_named_material(
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """The material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
     available."""
-    return _build_named_material(
-        "Surface",
-        settings,
-        "surface",
-        TERRAIN,
-        _load_textures(settings, mesh),
-        SPACING in mesh.attributes,
-        albedo_pass,
-        DEPTH in mesh.attributes,
-    )
+    return _build_named_material("Surface", _describe_ground(settings, mesh, albedo_pass))
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """The material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is
     not available."""
-    topic = "rock_surface" if settings.rocks.own_surface else "surface"
-    ice = _build_named_material(
-        "Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh), albedo_pass=albedo_pass
-    )
-    add_instance_label_pass(ice)
+    ice = _build_named_material("Rock Surface", _describe_rock(settings, mesh, albedo_pass))
+    add_instance_label_pass(Tree(ice.node_tree, keep=True))
     return ice
+
+
+def follow_ground_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
+    """Give the unedited material of the ground the values for other settings; False if it needs other nodes, and then
+    it must be built anew. Raises IcyMoonError, before any change, if a texture is not available."""
+    arguments = _describe_ground(settings, mesh)
+    try:
+        fill_material(material, FollowedTree(material.node_tree), *arguments)
+    except OtherTreeError:
+        return False
+    return True
+
+
+def follow_rock_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
+    """As ``follow_ground_material``, for the material of rocks."""
+    arguments = _describe_rock(settings, mesh)
+    try:
+        fill_material(material, FollowedTree(material.node_tree, without=LABEL_NODES), *arguments)
+        add_instance_label_pass(FollowedTree(material.node_tree, only=LABEL_NODES))
+    except OtherTreeError:
+        return False
+    return True

@@ -306,7 +306,8 @@ class _Material:
 
     def __init__(
         self,
-        name: str,
+        material: bpy.types.Material,
+        tree: Tree,
         surface: SurfaceSettings,
         seed: int,
         semantic: int,
@@ -314,9 +315,7 @@ class _Material:
         settings: Settings | None,
         painted: Painted | None,
     ) -> None:
-        self.material = bpy.data.materials.new(name)
-        self.material.pass_index = semantic
-        self.tree = Tree(compat.ensure_nodes(self.material))
+        self.material, self.tree = material, tree
         self._settings, self._textured = settings, textured
         self._of_rocks, self._of_terrain = semantic == ROCK, semantic == TERRAIN
         self._at = _PatternOffsets.draw(seed)
@@ -542,7 +541,28 @@ def build_material(
     bump. With ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is
     whether the mesh has the attributes of an excavation. ``painted`` are masks of dirt and frost.
     """
-    made = _Material(name, surface, seed, semantic, textured, settings, painted)
+    material = bpy.data.materials.new(name)
+    material.pass_index = semantic
+    tree = Tree(compat.ensure_nodes(material))
+    fill_material(material, tree, surface, seed, semantic, textured, settings, by_fineness, albedo_pass, dug, painted)
+    return material
+
+
+def fill_material(
+    material: bpy.types.Material,
+    tree: Tree,
+    surface: SurfaceSettings,
+    seed: int,
+    semantic: int,
+    textured: Textured | None,
+    settings: Settings | None,
+    by_fineness: bool,
+    albedo_pass: bool,
+    dug: bool,
+    painted: Painted | None,
+) -> None:
+    """Fill the tree of a material as ``build_material`` does."""
+    made = _Material(material, tree, surface, seed, semantic, textured, settings, painted)
     made.vary_inputs()
     made.add_brightness(dug)
     made.add_colour()
@@ -550,4 +570,3 @@ def build_material(
     made.add_surface()
     made.add_passes(albedo_pass)
     made.tree.arrange()
-    return made.material

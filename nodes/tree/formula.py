@@ -27,7 +27,7 @@ class Number:
 
     def named(self, name: str) -> Number:
         """The same number, with its name in the formula as the label of its node."""
-        if not isinstance(self.value, (int, float)):
+        if not isinstance(self.value, (int, float)) and self.value.node.label != name:
             self.value.node.label = name
         return self
 
