@@ -78,7 +78,7 @@ class ICYMOON_OT_paint_decisions(PiecewiseOperator, KeyStoppedOperator, bpy.type
         if session.painting is self._job:
             session.painting = None
 
-    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
         """Find the map, and paint it, in steps."""
         uid, method = context.scene.session_uid, self.method or list_decided_methods(context.scene)[0]
         read = yield from settle(partial(_find_map, uid, method, self.map))

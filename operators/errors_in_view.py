@@ -83,7 +83,7 @@ class ICYMOON_OT_paint_errors(PiecewiseOperator, JobOperator, bpy.types.Operator
     def find_obstacle(cls, context: bpy.types.Context) -> str:
         return explain_missing_results(context.scene) or super().find_obstacle(context)
 
-    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
         """Find the errors of all vertices, and paint them, in steps."""
         scene = context.scene
         uid, method = scene.session_uid, self.method or next(iter(list_methods_with_disparities(scene)), "")

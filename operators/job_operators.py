@@ -165,7 +165,7 @@ class PiecewiseOperator(WatchingOperator):
     interval_s = PIECES_INTERVAL_S
     bl_label: str
 
-    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[object]:
+    def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
         """The work, in steps, of which the last alone changes the scene. Raises IcyMoonError if it fails.
 
         Any thread may ``report`` the finished share, 0 to 1, and the present work.
@@ -277,6 +277,7 @@ class PreparingOperator(JobOperator):
     """Mix-in: an operator that prepares its job in pieces, so that the window stays usable."""
 
     interval_s = PIECES_INTERVAL_S
+    bl_label: str
     _prepares = False
 
     def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:

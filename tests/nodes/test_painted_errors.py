@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from built_scenes import everything
 from evaluations import evaluated
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
 from icymoon.nodes.datablocks.fingerprint import find_instanced_objects, read_parts
@@ -351,11 +352,16 @@ def test_edits_of_the_ground_are_refused_and_those_of_the_light_are_not(shown):
         built.sun.rotation_euler.x -= 0.2
 
 
+def linked() -> tuple[list[str], list[str], list[str]]:
+    """What the scene shows: collections, objects, and the attributes of the ground."""
+    scene, attributes = bpy.context.scene, scenes.find_built(bpy.context.scene).terrain.data.attributes
+    return scene.collection.children.keys(), scene.objects.keys(), attributes.keys()
+
+
 def state() -> list[object]:
-    """What the scene shows, and the number of data-blocks in use."""
-    scene = bpy.context.scene
+    """What the scene shows, and the attributes of all meshes in use."""
     shown = [(mesh.name, sorted(mesh.attributes.keys())) for mesh in bpy.data.meshes if mesh.users]
-    return [shown, scene.collection.children.keys(), scene.objects.keys()]
+    return [shown, linked()]
 
 
 def begin_to_paint(shown, full_m=1.0):
@@ -369,10 +375,10 @@ def begin_to_paint(shown, full_m=1.0):
 @pytest.mark.parametrize("full_m", [1.0, 0.3])
 def test_the_last_piece_alone_changes_the_scene(shown, full_m):
     painted_errors.clear_painted(bpy.context.scene)
-    before, paint_in_steps, states = state(), begin_to_paint(shown, full_m), []
-    collection = walk(paint_in_steps(), lambda: states.append([state()[0][:0], *state()[1:]]))
+    before, paint_in_steps, states = linked(), begin_to_paint(shown, full_m), []
+    collection = walk(paint_in_steps(), lambda: states.append(linked()))
     assert states
-    assert all(each == [[], *before[1:]] for each in states)
+    assert all(each == before for each in states)
     assert painted_errors.COLOUR in shown[1].terrain.data.attributes
     assert [item.name for item in collection.objects] == [painted_errors.NAME + " on Rocks"]
 

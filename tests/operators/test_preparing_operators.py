@@ -144,7 +144,7 @@ class Piecewise(PiecewiseOperator, KeyStoppedOperator):
     def report(self, kind: set[str], message: str, /) -> None:
         self.done.append(message)
 
-    def make_steps(self, context: object, report: Callable[[float, str], object]) -> Steps[object]:
+    def make_steps(self, context: object, report: Callable[[float, str], object]) -> Steps[None]:
         def compute() -> str:
             report(0.5, "half")
             return "painted"
