@@ -53,6 +53,7 @@ from .datablocks.fingerprint import (
     read_parts,
     update_marks,
 )
+from .datablocks.known_marks import forget_marks
 from .datablocks.stored_json import read_stored
 from .ground.terrain_mesh import (
     MeshedGround,
@@ -447,6 +448,7 @@ def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[b
 def _record_build(built: Built, made: MadeObjects) -> None:
     """Record the build in the collection, for later readers."""
     collection = built.collection
+    forget_marks()
     collection[SETTINGS] = json.dumps(built.settings)
     if made.record:
         for key, value in made.record.items():

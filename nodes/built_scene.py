@@ -34,6 +34,7 @@ from .datablocks.fingerprint import (
     read_marks_in_steps,
     update_marks,
 )
+from .datablocks.known_marks import forget_marks
 from .datablocks.marks import hash_marks
 from .datablocks.stored_json import parse_stored, read_stored
 from .light.lamps import find_lamps
@@ -189,7 +190,7 @@ class Built:
             return find_edited_parts(self.collection, known, *wanted)
         edited, changed = self._update.edited, tuple(self._update.changed)
         if unread := [name for name in wanted if name not in edited]:
-            found = find_edited_parts(self.collection, known, *unread)
+            found = find_edited_parts(self.collection, known, *unread, trusts=True)
             edited |= {name: {part for part in found if is_wanted(part, (name,))} for name in unread}
         by_hand = set().union(*(edited[name] for name in wanted))
         return {part for part in by_hand if not (changed and is_wanted(part, changed))}
@@ -249,6 +250,8 @@ class Built:
     def _store_marks(self, *changed: str) -> None:
         if changed:
             known = read_stored(self.collection, FINGERPRINT, MARKS_SHAPE)
+            if any(is_wanted(f"{role} data", changed) for role in ("terrain", "rock")):
+                forget_marks()  # their meshes have changed
             self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 

@@ -15,6 +15,7 @@ import bpy
 
 from ..nodes import build_scene as scenes
 from ..nodes import preview
+from ..nodes.datablocks import known_marks
 from ..settings import description
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -44,6 +45,10 @@ def update_scene(scene: bpy.types.Scene) -> bool:
     built = scenes.find_built(scene)
     if built is None:
         return False
+    if known_marks.has_known_marks():
+        bpy.context.view_layer.update()  # Blender announces what a script has changed in this turn
+        if scene != bpy.context.scene:  # nor does it announce changes of other scenes
+            known_marks.forget_marks()
     settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
     scenes.separate_from_copies(built)
     if why := built.outdated or scenes.why_shared(built):

@@ -26,7 +26,7 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.steps import Steps
-from . import jobs, view_resolution
+from . import jobs, keep_marks, view_resolution
 from .build import find_views_through, look_through
 from .full_undo import require_full_undo
 from .session import SIDES, session
@@ -122,6 +122,7 @@ def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:
         if message["type"] == "error":
             _give_up(built, IcyMoonError(message["message"]))
     view_resolution.begin_coarse(built.scene)
+    keep_marks.schedule_reading(built.scene)
     session.picture.count(built.scene)
     redraw_panels()
     return jobs.INTERVAL_S

@@ -62,6 +62,7 @@ class Session:
     painting: Job | None = None  # paints decisions, piece by piece
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
+    marking: WorkInPieces | None = None  # reads the marks of the scene's meshes
     placing: WorkInPieces | None = None  # shows the scene with that ground
     changes: int = 0  # number of changes of the file that Blender has announced
     tracing: Job | None = None  # traces the shadow in a view

@@ -17,6 +17,7 @@ import bpy
 from ...support.blender import compat
 from ...support.steps import Steps, finish
 from .array_marks import list_mesh_marks_in_steps
+from .known_marks import find_known_marks
 from .marks import BlockHasher, hash_marks
 
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make
@@ -105,13 +106,22 @@ class Reading:
     changes_with_time: bool
 
 
-def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
+def list_meshes(collection: bpy.types.Collection) -> list[bpy.types.Mesh]:
+    """The meshes of what the builders made in a collection, and of what that instances."""
+    ours = find_built_objects(collection).values()
+    every = [*ours, *(shape for item in ours for shape in find_instanced_objects(item))]
+    return [item.data for item in every if isinstance(item.data, bpy.types.Mesh)]
+
+
+def read_marks(collection: bpy.types.Collection, *wanted: str, trusts: bool = False) -> Reading:
     """As ``read_marks_in_steps``, at once."""
-    return finish(read_marks_in_steps(collection, *wanted))
+    return finish(read_marks_in_steps(collection, *wanted, trusts=trusts))
 
 
-def read_marks_in_steps(collection: bpy.types.Collection, *wanted: str) -> Steps[Reading]:
+def read_marks_in_steps(collection: bpy.types.Collection, *wanted: str, trusts: bool = False) -> Steps[Reading]:
     """The marks of everything in a built collection, or of the wanted parts and roles, in steps.
+
+    It ``trusts`` the marks of ``known_marks``, or it reads all meshes anew.
 
     The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for what the user has added: objects, and
     the node groups that settings name. The marks are equal in every process that loads the file.
@@ -127,13 +137,15 @@ def read_marks_in_steps(collection: bpy.types.Collection, *wanted: str) -> Steps
     groups = {node.node_tree for node in list_own_nodes(listed)} - {None}
     roles |= dict.fromkeys(groups, OWN_GROUP)
     deep, flat = BlockHasher(roles, aimed), BlockHasher(roles | dict.fromkeys(listed, "listed"), aimed)
+    if trusts:
+        deep.mesh_marks = flat.mesh_marks = find_known_marks(list_meshes(collection))
     found: dict[str, Any] = {}
     for role, item in ours.items():
         if is_wanted(f"{role} object", wanted):
             found[f"{role} object"] = [item in shown, flat.content(item, ("data", "material_slots"))]
             yield None
         if is_wanted(f"{role} data", wanted):
-            if isinstance(item.data, bpy.types.Mesh) and not item.data.is_editmode:
+            if isinstance(item.data, bpy.types.Mesh) and not (item.data.is_editmode or item.data in flat.mesh_marks):
                 flat.mesh_marks[item.data] = yield from list_mesh_marks_in_steps(item.data)
             found[f"{role} data"] = flat.content(item.data, ("materials",)) if item.data else []
             yield None
@@ -171,9 +183,11 @@ def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: st
     return {part for part in names if now.get(part) != known.get(part)}
 
 
-def find_edited_parts(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
-    """``find_differing`` for the present marks of a collection."""
-    return find_differing(read_marks(collection, *wanted).parts, known, *wanted)
+def find_edited_parts(
+    collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str, trusts: bool = False
+) -> set[str]:
+    """``find_differing`` for the present marks of a collection, see ``read_marks``."""
+    return find_differing(read_marks(collection, *wanted, trusts=trusts).parts, known, *wanted)
 
 
 def update_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:

@@ -228,7 +228,7 @@ class BlockHasher:
 
     def of_mesh(self, mesh: bpy.types.Mesh) -> list[Any]:
         """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
-        if mesh in self.mesh_marks:
+        if mesh in self.mesh_marks and not mesh.is_editmode:
             return self.mesh_marks[mesh]
         if not mesh.is_editmode:
             return list_mesh_marks(mesh)

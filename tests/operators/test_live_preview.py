@@ -386,7 +386,9 @@ def test_an_update_of_the_ground_reads_marks_once_before_and_once_after_it(watch
     read = []
     for name in ("find_edited_parts", "update_marks"):
         of = getattr(built_scene, name)
-        monkeypatch.setattr(built_scene, name, lambda *given, of=of: read.append(of.__name__) or of(*given))
+        monkeypatch.setattr(
+            built_scene, name, lambda *given, of=of, **how: read.append(of.__name__) or of(*given, **how)
+        )
     built = change(watched, "terrain.rms_slope_deg", 20.0)
     assert read == ["find_edited_parts", "update_marks"]
     assert not built.edited

@@ -1,0 +1,99 @@
+"""Reads the marks of the meshes of a built scene in pieces while the window rests, for the first step of a slider."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..nodes import build_scene as scenes
+from ..nodes.datablocks import known_marks
+from ..nodes.datablocks.array_marks import list_mesh_marks_in_steps
+from ..nodes.datablocks.fingerprint import list_meshes
+from ..support.steps import Steps
+from .session import session
+from .settled_steps import settle
+from .window_areas import find_scene
+from .window_events import call_later, make_registration
+from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
+
+#: Seconds after which the marks are read: the scene is drawn first.
+_BEGIN_S = 0.2
+
+
+def schedule_reading(scene: bpy.types.Scene) -> None:
+    """Read the marks of a scene's meshes soon."""
+    stop_reading()
+    session.marking = WorkInPieces(_keep_marks(scene.session_uid), "the marks")
+    call_later(_read_next, _BEGIN_S)
+
+
+def stop_reading() -> None:
+    """Stop to read marks, and forget those that were read."""
+    known_marks.forget_marks()
+    if session.marking is not None:
+        session.marking.stop()
+        session.marking = None
+
+
+def _read_next() -> float | None:
+    """Read the next marks. The timer stops when all were read."""
+    if session.marking is None:
+        return None
+    session.marking.poll()
+    if session.marking.running:
+        return PIECES_INTERVAL_S
+    session.marking = None
+    return None
+
+
+def _keep_marks(scene_uid: int) -> Steps[None]:
+    """Read and keep the marks of a built scene's meshes in steps."""
+    for uid, marks in (yield from settle(lambda: _read_marks(scene_uid))).items():
+        known_marks.keep_marks(uid, marks)
+
+
+def _read_marks(scene_uid: int) -> Steps[dict[int, list[object]]]:
+    """The marks of the meshes of a built scene in steps, by their ``session_uid``."""
+    scene = find_scene(scene_uid)
+    built = scenes.find_built(scene) if scene is not None else None
+    found: dict[int, list[object]] = {}
+    for mesh in list_meshes(built.collection) if built is not None else ():
+        if not mesh.is_editmode:
+            found[mesh.session_uid] = yield from list_mesh_marks_in_steps(mesh)
+    return found
+
+
+@bpy.app.handlers.persistent
+def _forget_changed(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
+    """Forget the marks of the meshes that Blender announces as changed."""
+    if not known_marks.has_known_marks():
+        return
+    for update in graph.updates:
+        if update.is_updated_geometry:  # a slider of the surface updates the shading of meshes
+            block = update.id.original
+            mesh = block.data if isinstance(block, bpy.types.Object) else block
+            if isinstance(mesh, bpy.types.Mesh):
+                known_marks.forget_marks(mesh.session_uid)
+
+
+_register, _unregister = make_registration(
+    timers=(_read_next,),
+    end=stop_reading,
+    undo_pre=stop_reading,
+    redo_pre=stop_reading,
+    undo_post=stop_reading,
+    redo_post=stop_reading,
+    load_pre=stop_reading,
+    load_post=stop_reading,
+)
+
+
+def register() -> None:
+    """Follow Blender's announcements."""
+    _register()
+    bpy.app.handlers.depsgraph_update_post.append(_forget_changed)
+
+
+def unregister() -> None:
+    """Follow them no longer."""
+    bpy.app.handlers.depsgraph_update_post.remove(_forget_changed)
+    _unregister()
