@@ -79,8 +79,8 @@ class RenderedEye:
 
     @property
     def loose_thickness_m(self) -> Array | None:
-        """Thickness of loose material above the hard ground in metres, along the vertical, float32 (H, W): mantle,
-        skirts and spoil. It is 0 on rocks, objects and sky; None without ``quality.loose_thickness``."""
+        """Thickness of loose material above the hard ground in metres, along the vertical, float32 (H, W): talus,
+        mantle, skirts and spoil. It is 0 on rocks, objects and sky; None without ``quality.loose_thickness``."""
         return self._read_once[1].loose_m
 
     @property

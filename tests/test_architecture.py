@@ -22,6 +22,7 @@ PURE = (
     "plugins",
     "physics/rig",
     "physics/random_numbers",
+    "physics/gravity",
     "physics/triangle_files",
     "physics/rocks",
     "physics/terrain/noise",

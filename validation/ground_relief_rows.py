@@ -72,7 +72,7 @@ class Preset:
     def is_random_surface(self) -> bool:
         """Whether the ground is the random surface alone, without layers, landforms and snow."""
         ground = make_terrain(self.settings, 0)
-        return not (ground.layers or ground.landforms or ground.mantle_thickness_m)
+        return not (ground.layers or ground.landforms or ground.mantle_thickness_m or ground.talus)
 
     @property
     def plate_m(self) -> float:

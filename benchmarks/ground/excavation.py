@@ -21,7 +21,7 @@ from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.dig_grid import make_covering_grid
 from icymoon.physics.excavation.dig_site import make_site
 from icymoon.physics.excavation.heap import cone_size_m
-from icymoon.physics.excavation.slide_to_repose import GroundLayers, relax_slopes
+from icymoon.physics.gravity.slide_to_repose import GroundLayers, relax_slopes
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 

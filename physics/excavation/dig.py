@@ -10,12 +10,12 @@ import numpy as np
 
 from ...settings.topics.excavation import ExcavationSettings
 from ...support.arrays import Array
+from ..gravity.slide_to_repose import GroundLayers, relax_slopes
 from ..random_numbers.seeds import make_generator
 from ..terrain.noise.lattice_noise import gradient_noise
 from .clods import add_clods
 from .dig_site import ExcavationSite
 from .scoop_cut import Pull, fit_plane, measure_cut_depth_m
-from .slide_to_repose import GroundLayers, relax_slopes
 from .wall_slump import find_failed_m, make_strength
 
 #: Wavelength of each noise of the clods, over their height, and the noise's share of the height.

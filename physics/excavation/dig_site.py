@@ -12,6 +12,7 @@ from ...settings.topics.scene import Settings, typed
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path
 from ..arm.lander_arm import is_users_arm
+from ..gravity.standing_slopes import critical_height_m, find_gravity_m_s2
 from .dig_grid import ExcavationGrid, make_covering_grid
 from .heap import SpoilHeap, ridge_height_m
 from .joint_paths import make_joint_pulls
@@ -19,11 +20,6 @@ from .scoop_cut import Pull, find_bounds_m
 from .scoop_marks import TEETH, ScoopMarks, make_marks
 from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 from .wall_slump import find_retreat_m
-
-#: Gravity at the mean radius in m/s²: GM / R². GM in km³/s²: 3202.7121 and 7.2103667 (JPL, gm_Horizons.pck of
-#: 2025-01-29, from the satellite solutions; Enceladus' from SAT441L. Jacobson et al. 2006, AJ 132, 2520, table 3, has
-#: 7.2096 ± 0.0067). R in km: 1560.8 and 252.1 (Archinal et al. 2018).
-GRAVITY_M_S2 = {"EUROPA": 3202.7121e9 / 1560.8e3**2, "ENCELADUS": 7.2103667e9 / 252.1e3**2}
 
 #: Maximum number of vertices along a side of the grid.
 MAX_GRID_SIDE = 1500
@@ -44,15 +40,9 @@ def is_dug(settings: Settings) -> bool:
 
 def gravity_m_s2(settings: Settings) -> float:
     """Return gravity in m/s² from the settings, or of their moon. Raises IcyMoonError if it is unknown."""
-    stated = float(settings.excavation.gravity_m_s2)
-    if stated > 0:
-        return stated
-    body = str(settings.light.body).upper()
-    if body not in GRAVITY_M_S2:
-        raise IcyMoonError(
-            f"The gravity of {body} is unknown, but it decides whether walls stand; state excavation.gravity_m_s2."
-        )
-    return GRAVITY_M_S2[body]
+    return find_gravity_m_s2(
+        float(settings.excavation.gravity_m_s2), str(settings.light.body), "excavation.gravity_m_s2"
+    )
 
 
 @dataclass(frozen=True)
@@ -312,11 +302,3 @@ def _advise_on_cells(excavation: ExcavationSettings) -> list[str]:
     if excavation.marks > 0.0 and apart < _FEWEST_CELLS_PER_GROOVE:
         said.append(f"The grooves of the scoop's teeth are {apart:.2g} cells apart and crude; lower excavation.cell_m.")
     return said
-
-
-def critical_height_m(cohesion_pa: float, friction_deg: float, density_kg_m3: float, gravity_m_s2: float) -> float:
-    """The height in metres up to which a vertical cut stands: 4 c tan(45° + φ/2) / (ρ g).
-
-    Culmann's wedge; used for the walls of InSight's pits by Marteau et al. (LPSC 2021, #2067).
-    """
-    return 4.0 * cohesion_pa / (density_kg_m3 * gravity_m_s2) * math.tan(math.radians(45.0 + friction_deg / 2.0))

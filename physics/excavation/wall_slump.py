@@ -1,8 +1,9 @@
 """Parts of standing walls that fail, because the ground is weaker there.
 
 Cohesion varies from place to place. Where a wall is higher than its cohesion holds it (Culmann's critical height, see
-``dig_site.critical_height_m``), the ground above this height breaks off on Culmann's plane, at 45 degrees and half the
-angle of friction. It becomes spoil, which slides to the angle of friction. The pattern of weak places is a guess.
+``standing_slopes.critical_height_m``), the ground above this height breaks off on Culmann's plane, at 45 degrees and
+half the angle of friction. It becomes spoil, which slides to the angle of friction. The pattern of weak places is a
+guess.
 """
 
 from __future__ import annotations

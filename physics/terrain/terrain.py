@@ -1,9 +1,9 @@
 """The ground: heights by position, summed over the parts that the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
-(``landforms``), snow in the hollows, on a regional slope, with hills (``hills``) to the horizon, and ``skirts`` at the
-feet of rocks. Any points, any order: the height of a place does not depend on the mesh, but for the wavelengths that
-the mesh cannot carry.
+(``landforms``) on a regional slope, with hills (``hills``) to the horizon; ``talus`` where ground has failed; snow in
+the hollows, and ``skirts`` at the feet of rocks. Any points, any order: the height of a place does not depend on the
+mesh, but for the wavelengths that the mesh cannot carry.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from .roughness.roughness import (
 )
 from .roughness.structure_function import structure_function
 from .skirts import Skirts, make_skirts_of_scene
+from .talus import Talus, advise_on_talus, make_talus
 
 #: Side in points of a tile, whose arrays fit the processor's cache.
 _TILE_SIDE = 128
@@ -62,6 +63,7 @@ class Terrain:
     hills: Landform | None = None
     far_roughness: FarRoughness | None = None
     skirts: Skirts | None = field(default=None, repr=False)
+    talus: Talus | None = field(default=None, repr=False)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast).
@@ -73,9 +75,9 @@ class Terrain:
         return _compute_by_tiles(self._compute_tile, x_m, y_m, shortest_m)
 
     def measure_loose(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Thicknesses in metres, along the vertical, of the loose material of the same heights: mantle and skirts.
+        """Thicknesses in metres, along the vertical, of loose material at the same heights: talus, mantle, skirts.
 
-        For the arguments see ``heights``, which are lower by these thicknesses without mantle and skirts.
+        For the arguments see ``heights``, which are lower by these thicknesses without loose material.
         """
         return _compute_by_tiles(self._compute_loose_tile, x_m, y_m, shortest_m)
 
@@ -89,7 +91,9 @@ class Terrain:
 
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """Heights of one tile of points."""
-        total = self._sum_hard(x, y, shortest_m)
+        total, talus = self._find_settled(x, y, shortest_m)
+        if talus is not None:
+            total += talus
         if self.mantle_thickness_m:
             total += self._measure_mantle(total, x, y, shortest_m)
         if self.slope_east or self.slope_north:
@@ -101,14 +105,32 @@ class Terrain:
     def _compute_loose_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """Thicknesses of loose material at one tile of points."""
         loose = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
-        if self.mantle_thickness_m:
-            loose += self._measure_mantle(self._sum_hard(x, y, shortest_m), x, y, shortest_m)
+        if self.talus or self.mantle_thickness_m:
+            total, talus = self._find_settled(x, y, shortest_m)
+            if talus is not None:
+                loose += talus
+                total += talus
+            if self.mantle_thickness_m:
+                loose += self._measure_mantle(total, x, y, shortest_m)
         if self.skirts:
             loose += self.skirts.heights(x, y, shortest_m)
         return loose
 
+    def _find_settled(self, x: Array, y: Array, shortest_m: Numbers) -> tuple[Array, Array | None]:
+        """Heights, m, of the hard ground that stands, without the regional slope, and thicknesses of the talus on it;
+        None without talus. A uniform mesh that leaves out a share of a landform leaves out as much of its talus."""
+        hard = self._sum_hard(x, y, shortest_m)
+        if self.talus is None:
+            return hard, None
+        share = 1.0
+        if np.ndim(shortest_m) == 0:
+            share = min([float(each.resolved_share(shortest_m)) for each in self.landforms], default=1.0)
+        slope = self._regional_slope(x, y)
+        left, talus = self.talus.settle(hard + slope, x, y, shortest_m)
+        return hard + share * (left - slope - hard), share * talus
+
     def _sum_hard(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """Sum the heights, m, of the random surface with hills and landforms, without mantle, slope and skirts."""
+        """Sum the heights, m, of the random surface with hills and landforms, before any of it fails."""
         total = self._sum_ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a uniform mesh leaves out landforms that are too fine for it; a graded mesh bounds their error.
@@ -139,6 +161,10 @@ class Terrain:
         if self.hills:
             total += self.hills.heights(x, y, shortest_m)
         return total
+
+    def _find_rough(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        """Heights, m, of the random surface and its layers."""
+        return sum((each.heights(x, y, shortest_m) for each in self.layers), self.base.heights(x, y, shortest_m))
 
 
 def _compute_by_tiles(
@@ -212,8 +238,9 @@ def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Ter
         skirts=make_skirts_of_scene(settings, seed) if with_skirts else None,
     )
     if mantle.thickness_m and made.landforms:
-        return _level_mantle(made)
-    return made
+        made = _level_mantle(made)
+    bare = replace(made, mantle_thickness_m=0.0, skirts=None)
+    return replace(made, talus=make_talus(settings, seed, bare.heights, bare._find_rough))
 
 
 # The statistics of layers and hills take longer than the rest of a ground, and most sliders do not change them.
@@ -299,7 +326,7 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
                 f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
                 f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}."
             )
-    return notes
+    return notes + advise_on_talus(make_terrain(settings, int(settings.dataset.seed), with_skirts=False).talus)
 
 
 def snow_depth_m(below_m: Array, thickness_m: float) -> Array:

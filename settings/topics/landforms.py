@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from .declaration import LANDFORMS, Table, choice, degrees, fraction, metres, number
-from .ground import ABOVE_A_MAP
+from .ground import ABOVE_A_MAP, PROCEDURAL
+from .relevance import positive
 
 
 class RidgesSettings(Table, label="Ridges", parent=LANDFORMS, turned_on_by="height_m", shown=ABOVE_A_MAP):
@@ -173,4 +174,35 @@ class MantleSettings(Table, label="Mantle", parent=LANDFORMS, turned_on_by="thic
         "keeps its shape", "geometry")
     length_m: float = metres(
         "Smoothing Length", 1.5, 1.0e-3, 1.0e5, (0.1, 10.0), "Wavelength below which the surface of the snow is smooth",
+        "geometry")
+
+
+class TalusSettings(Table, label="Talus", parent=LANDFORMS, turned_on_by="share", shown=PROCEDURAL, since="0.4"):
+    """Ground that was too steep for its strength, and lies at rest below."""
+
+    __slots__ = ()
+    share: float = fraction(
+        "Kept Share", 0.0, "Share of the ground that breaks off which lies below as talus; the rest is gone, as if it "
+        "had sublimed. 1 keeps all of it, 0 is for ground that does not fail", "geometry")
+    cohesion_pa: float = number(
+        "Cohesion (Pa)", 50.0, 0.0, 1.0e8, (0.0, 1000.0), "Shear strength of the ground without load. With friction, "
+        "density and gravity it decides how high faces of each slope stand; without it no slope is steeper than "
+        "friction", "geometry", "Pa", precision=1)
+    friction_deg: float = degrees(
+        "Friction", 35.0, 5.0, 60.0, "Angle of internal friction of the ground, and angle of repose of talus",
+        "geometry", (25.0, 45.0))
+    density_kg_m3: float = number(
+        "Density (kg/m³)", 600.0, 10.0, 2000.0, (100.0, 917.0), "Density of the ground", "geometry", "kg/m³",
+        precision=0)
+    gravity_m_s2: float = number(
+        "Gravity (m/s²)", 0.0, 0.0, 100.0, (0.0, 2.0), "Gravity, which decides how high ground stands; 0 for the "
+        "gravity of the moon", "geometry", "m/s²", zero="the moon's")
+    weakness: float = fraction(
+        "Weak Places", 0.5, "Share of the cohesion that the weakest places lack", "geometry",
+        active=positive("cohesion_pa"))
+    bulking: float = number(
+        "Bulking", 1.4, 1.0, 3.0, (1.0, 2.0), "Volume of talus divided by its volume in the ground: the ratio of the "
+        "two densities", "geometry")
+    roughness: float = fraction(
+        "Roughness", 0.5, "Height of the short waves of the ground on talus, as a share of their height elsewhere",
         "geometry")

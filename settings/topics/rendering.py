@@ -110,7 +110,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         section=TRUTH, since="0.3", before="CYCLES")
     loose_thickness: bool = tick(
         "Loose Material", False, "Add the thickness of loose material above the hard ground to the full truth by rays: "
-        "snow in hollows, skirts of rocks and spoil, along the vertical", "sampling", section=TRUTH,
+        "talus, snow in hollows, skirts of rocks and spoil, along the vertical", "sampling", section=TRUTH,
         shown=chosen("truth", "FULL") & chosen("truth_by", "RAYS") & PROCEDURAL, since="0.4")
     device: Literal["CPU", "GPU"] = choice("Device", "CPU", "Processor that renders", "run",
         ("CPU", "CPU", "All processor cores"),

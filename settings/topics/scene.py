@@ -24,6 +24,7 @@ from .landforms import (
     PenitentesSettings,
     PitsSettings,
     RidgesSettings,
+    TalusSettings,
 )
 from .light import LightSettings, VeilSettings
 from .rendering import QualitySettings
@@ -47,6 +48,7 @@ class Settings(AttributeDict):
     pits: PitsSettings
     hills: HillsSettings
     mantle: MantleSettings
+    talus: TalusSettings
     excavation: ExcavationSettings
     surface: SurfaceSettings
     hapke: HapkeSettings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.physics.excavation.dig_grid import make_covering_grid
 from icymoon.physics.excavation.heap import SpoilHeap, cone_size_m
-from icymoon.physics.excavation.slide_to_repose import GroundLayers, _list_disjoint_pairs, relax_slopes
+from icymoon.physics.gravity.slide_to_repose import GroundLayers, _list_disjoint_pairs, relax_slopes
 
 REPOSE = 38.0
 TANGENT = math.tan(math.radians(REPOSE))
@@ -141,7 +141,7 @@ def test_spoil_on_steep_rough_ground_comes_to_rest():
 
 def test_strides_end_where_neighbours_end(monkeypatch):
     # Both ways to rest fulfil the same limits; where they leave a heap differs by less than a stride.
-    from icymoon.physics.excavation import slide_to_repose as module
+    from icymoon.physics.gravity import slide_to_repose as module
 
     ground = np.add.outer(0.8 * 0.005 * np.arange(60), np.zeros(40))
     spoil = np.zeros_like(ground)
@@ -157,7 +157,7 @@ def test_strides_end_where_neighbours_end(monkeypatch):
 
 
 def test_sweeps_that_end_early_are_known(monkeypatch):
-    from icymoon.physics.excavation import slide_to_repose as module
+    from icymoon.physics.gravity import slide_to_repose as module
 
     monkeypatch.setattr(module, "_MAX_SWEEPS", 10)
     monkeypatch.setattr(module, "_MAX_CYCLES", 0)

@@ -1,7 +1,7 @@
-"""Which walls stand."""
+"""Gravity, and the slopes that strength holds against it."""
 
 import pytest
-from icymoon.physics.excavation.dig_site import GRAVITY_M_S2, critical_height_m
+from icymoon.physics.gravity.standing_slopes import GRAVITY_M_S2, critical_height_m
 
 
 def test_gravity_is_that_of_the_moons():
