@@ -306,7 +306,14 @@ def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
             f"Debris under {rocks.debris_smallest_m:.3g} m is left out to keep to "
             f"{format_count(wanted.debris_most, 'fragment')}; raise rocks.debris_most or rocks.debris_smallest_m."
         )
-    if wanted.law == TABLE and (lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - rocks.debris_start):
+    if rocks.crowded_out:
+        warnings.append(
+            f"At rest there is no room for {format_count(rocks.crowded_out, 'rock')}; lower rocks.coverage or "
+            "rocks.clustering, or set rocks.at_rest to false."
+        )
+    if wanted.law == TABLE and (
+        lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - rocks.debris_start - rocks.crowded_out
+    ):
         warnings.append(
             f"The scene lacks {format_count(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
             "site than rocks.clear_radius_m."

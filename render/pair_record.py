@@ -66,9 +66,7 @@ _COMPACT_LOSS = (
 
 
 #: The content of the pass of loose material, in words.
-_LOOSE_THICKNESS = (
-    "m of talus, mantle, skirts and spoil on hard ground, along the vertical; 0 on all but the ground"
-)
+_LOOSE_THICKNESS = "m of talus, mantle, skirts and spoil on hard ground, along the vertical; 0 on all but the ground"
 
 
 def _describe_channels(quality: QualitySettings) -> dict[str, Any]:

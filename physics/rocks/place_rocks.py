@@ -9,8 +9,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,16 @@ from ..random_numbers.seeds import make_generator
 from .beyond_patch import ViewBeyond, draw_beyond
 from .debris import Outlines, shed_debris
 from .painted_mask import PaintedMask, read_mask
+from .rest import (
+    N_DIRECTIONS,
+    OutlinesAtRest,
+    find_clear_of,
+    measure_outlines,
+    move_apart,
+    pick_lowest,
+    roll_down,
+    settle_poses,
+)
 from .rock_shapes import RockShape
 from .rock_table import TABLE, read_rock_table
 from .size_laws import draw_diameters, make_size_law
@@ -35,6 +45,10 @@ _PART_STREAMS = ((), (_BEYOND,))  # of the rocks on the patch and beyond it
 _VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
 _BURIAL_VARIATION = 0.1
 _VERTICES_AT_ONCE = 1 << 20
+#: Width of the room of a rock at rest, over its outline.
+_ROOM = 1.04
+#: A clear circle that removes no rock.
+_NO_CIRCLE = 0.0, 0.0, -math.inf
 
 
 @dataclass(frozen=True)
@@ -45,7 +59,8 @@ class Rocks:
     ``diameter_m`` (n,) is the diameter of a circle with the covered area, ``reach_m`` (n,) the largest horizontal
     distance from the centre. ``smallest_m`` is the smallest diameter that could be drawn, and ``debris_smallest_m`` of
     debris, 0 without debris; a limit on the number raises it above the setting. ``beyond_rad`` is the
-    least apparent width of rocks beyond the patch, 0 without such rocks."""
+    least apparent width of rocks beyond the patch, 0 without such rocks. ``crowded_out`` rocks found no room at
+    rest."""
 
     position_m: Array
     rotation: Array
@@ -58,6 +73,7 @@ class Rocks:
     beyond_rad: float = 0.0
     debris_smallest_m: float = 0.0
     debris_start: int = 0
+    crowded_out: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,6 +112,10 @@ class _Drawn:
     smallest_m: float
     beyond_rad: float
     debris_smallest_m: float
+
+
+#: Rocks before or after they lie on a ground.
+_Some = TypeVar("_Some", Rocks, _LooseRocks)
 
 
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
@@ -225,18 +245,114 @@ def scatter_rocks(
     are returned, those that look largest from the centre of the circle, unchanged by the limit; debris only fills it
     up. Debris lies on the ground ``skirted``, which has the skirts of the rocks if there are any. Raises IcyMoonError
     if the settings contradict each other or the mask cannot be read.
+
+    Rocks that are ``at_rest`` have rolled down and do not reach into each other, see ``rest``. Those in the circle are
+    left out last, so the circle moves no other rock.
     """
     drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
-    laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
-    start = sum(len(each.diameter_m) for each in laid)
-    laid += [_lay_rocks(part, skirted or surface, shapes, clear_m) for part in drawn.debris]
+    crowded = 0
+    if rocks.at_rest:
+        laid, debris, crowded = _lay_at_rest(rocks, drawn, size_m, surface, shapes)
+        laid, debris = ([_clear_circle(part, clear_m) for part in parts] for parts in (laid, debris))
+    else:
+        laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
+        debris = [_lay_rocks(part, skirted or surface, shapes, clear_m) for part in drawn.debris]
     numbers = ("smallest_m", "beyond_rad", "debris_smallest_m")
     arrays = {
-        f.name: np.concatenate([getattr(each, f.name) for each in laid])
+        f.name: np.concatenate([getattr(each, f.name) for each in (*laid, *debris)])
         for f in fields(Rocks)
-        if f.name not in (*numbers, "debris_start")
+        if f.name not in (*numbers, "debris_start", "crowded_out")
     }
-    return Rocks(**arrays, **{name: getattr(drawn, name) for name in numbers}, debris_start=start)
+    start = sum(len(each.diameter_m) for each in laid)
+    return Rocks(**arrays, **{name: getattr(drawn, name) for name in numbers}, debris_start=start, crowded_out=crowded)
+
+
+def _lay_at_rest(
+    rocks: RocksSettings, drawn: _Drawn, size_m: float, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
+) -> tuple[list[Rocks], list[Rocks], int]:
+    """The parts of drawn rocks at rest, their debris where it does not reach into a rock, and the number of rocks
+    without room."""
+    laid, debris, crowded, there = list[Rocks](), list[Rocks](), 0, OutlinesAtRest(_find_cell_side(drawn))
+    for part in drawn.parts:
+        rolled = replace(part, places_m=_roll(rocks, part, size_m, surface))
+        settled, outline = _settle(rolled, surface, shapes)
+        # A little wider, because a rock that was moved settles in another pose.
+        places, kept = move_apart(
+            rolled.places_m, rolled.diameter_m, _ROOM * outline, OutlinesAtRest(there.side_m), size_m / 2
+        )
+        moved = np.flatnonzero(kept & (places != rolled.places_m).any(axis=1))
+        again, wider = _settle(_choose(replace(rolled, places_m=places), moved), surface, shapes)
+        settled = _replace_some(settled, moved, again)
+        outline[moved] = wider
+        for k in np.flatnonzero(kept):
+            kept[k] = there.find_deepest(settled.position_m[k, :2], outline[k]) is None
+            if kept[k]:
+                there.add(settled.position_m[k, :2], outline[k])
+        grounded = np.isfinite(settled.position_m[:, 2])
+        crowded += int((grounded & ~kept).sum())
+        laid.append(_choose(settled, grounded & kept))
+    for part in drawn.debris:
+        rolled = replace(part, places_m=_roll(rocks, part, size_m, surface))
+        fragments = _lay_rocks(rolled, surface, shapes, _NO_CIRCLE)
+        debris.append(_choose(fragments, find_clear_of(there, fragments.position_m[:, :2], fragments.reach_m)))
+    return laid, debris, crowded
+
+
+def _find_cell_side(drawn: _Drawn) -> float:
+    """Side in metres of cells of which an outline meets few."""
+    return max((float(np.median(part.diameter_m)) for part in drawn.parts if len(part.diameter_m)), default=1.0) * 2.0
+
+
+def _roll(rocks: RocksSettings, part: _LooseRocks, size_m: float, surface: HeightAt) -> Array:
+    return roll_down(part.places_m, part.diameter_m, surface, size_m, float(rocks.rolling_deg))
+
+
+def _settle(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]) -> tuple[Rocks, Array]:
+    """Rocks in poses in which they touch the ground, with heights that are not finite where there is none, and their
+    outlines (n, 32). The largest lie on three points; then each is lowered by its buried share."""
+    laid, thickness = _lay_all(loose, surface, shapes)
+    rotation, position, scale = euler_matrices(laid.rotation), laid.position_m.copy(), loose.scale_m
+    some = np.flatnonzero(np.isfinite(position[:, 2]) & (np.arange(len(position)) < LEVEL_RANKS[0]))
+    if len(some):
+        parts = [
+            (these, pick_lowest(kind.vertices @ np.swapaxes(rotation[some[these]] * scale[some[these], None, :], 1, 2)))
+            for kind, these in _group_by_shape(loose.level[some], loose.shape[some], shapes)
+        ]
+        order = np.argsort(np.concatenate([these for these, _ in parts]))
+        points = np.concatenate([each for _, each in parts])[order]
+        turn, centre = settle_poses(points, position[some], surface)
+        rotation[some], position[some] = turn @ rotation[some], centre
+        position[some, 2] -= loose.burial[some] * thickness[some]
+    outline, reach = np.empty((len(position), N_DIRECTIONS)), np.empty(len(position))
+    for kind, these in _group_by_shape(loose.level, loose.shape, shapes):
+        whole = kind.vertices @ np.swapaxes(rotation[these] * loose.scale_m[these, None, :], 1, 2)
+        outline[these] = measure_outlines(whole)
+        reach[these] = np.sqrt((whole[..., :2] ** 2).sum(axis=2).max(axis=1))
+    return replace(laid, rotation=euler_xyz(rotation), position_m=position, reach_m=reach), outline
+
+
+def _choose(of: _Some, which: Array) -> _Some:
+    """Some of the rocks, by a mask or by indices."""
+    values = {f.name: getattr(of, f.name) for f in fields(of)}
+    made: dict[str, Any] = {name: each[which] for name, each in values.items() if isinstance(each, np.ndarray)}
+    return replace(of, **made)
+
+
+def _replace_some(rocks: Rocks, which: Array, by: Rocks) -> Rocks:
+    """Rocks of which those with the indices ``which`` are other ones."""
+    made: dict[str, Any] = {}
+    for f in fields(Rocks):
+        values = getattr(rocks, f.name)
+        if isinstance(values, np.ndarray):
+            made[f.name] = values.copy()
+            made[f.name][which] = getattr(by, f.name)
+    return replace(rocks, **made)
+
+
+def _clear_circle(rocks: Rocks, clear_m: tuple[float, float, float]) -> Rocks:
+    """The rocks that do not reach into a circle (east, north, radius)."""
+    away = np.hypot(rocks.position_m[:, 0] - clear_m[0], rocks.position_m[:, 1] - clear_m[1])
+    return _choose(rocks, away > clear_m[2] + rocks.reach_m)
 
 
 def draw_footprints(
@@ -469,7 +585,14 @@ def _pose_rocks(
 def _lay_rocks(
     loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]], clear_m: tuple[float, float, float]
 ) -> Rocks:
-    """The rocks in poses at rest on the ground."""
+    """The rocks in poses on the ground that do not reach into a circle."""
+    laid, _ = _lay_all(loose, surface, shapes)
+    return _clear_circle(_choose(laid, np.isfinite(laid.position_m[:, 2])), clear_m)
+
+
+def _lay_all(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]) -> tuple[Rocks, Array]:
+    """All rocks in poses on the ground, with heights that are not finite where there is none, and their thicknesses
+    (n,) along the normal of the ground, in metres."""
     xy, scale, level, shape = loose.places_m, loose.scale_m, loose.level, loose.shape
     normal, ground = _measure_footprint_ground(xy, 0.45 * loose.diameter_m, surface)
     rotation = _rotation_from_vertical(normal) @ loose.rotation
@@ -479,17 +602,8 @@ def _lay_rocks(
     z = ground - sunk / normal[:, 2]
     beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
     z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
-
-    kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
-    return Rocks(
-        np.column_stack([xy, z])[kept],
-        euler_xyz(rotation)[kept],
-        scale[kept],
-        level[kept],
-        shape[kept],
-        loose.diameter_m[kept],
-        reach[kept],
-    )
+    position = np.column_stack([xy, z])
+    return Rocks(position, euler_xyz(rotation), scale, level, shape, loose.diameter_m, reach), thickness
 
 
 def move_rocks(

@@ -19,11 +19,12 @@ from .declaration import (
     tick,
 )
 from .ground import GRADED, PROCEDURAL
-from .relevance import chosen, positive
+from .relevance import chosen, positive, ticked
 
 SHAPE = Section("shape", "Shape", "Shape, tilt and burial of each rock")
 PLACE = Section("place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number")
 DEBRIS = Section("debris", "Debris", "Fragments around each rock")
+REST = Section("rest", "At Rest", "Rocks that have rolled down slopes and lie in contact with the ground")
 SKIRTS = Section("skirts", "Skirts", "Loose material at the feet of rocks", shown=PROCEDURAL)
 
 
@@ -105,6 +106,13 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         since="0.3")
     mask_file: str = mask_file(
         "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")
+    at_rest: bool = tick(
+        "At Rest", False, "Let rocks roll down slopes that do not hold them, settle on three points of the ground, and "
+        "lie beside each other. Otherwise each lies where it was drawn, along the slope there", "geometry",
+        section=REST, since="0.4")
+    rolling_deg: float = degrees(
+        "Rolling Slope", 25.0, 1.0, 60.0, "Steepest slope that holds a rock, over its footprint", "geometry",
+        (15.0, 40.0), section=REST, active=ticked("at_rest"), since="0.4")
     skirt: float = fraction(
         "Height", 0.0, "Height of the loose material around each rock at its outline, as a share of the height of the "
         "rock above the ground; 0 for none", "geometry", high=0.5, section=SKIRTS, since="0.4")

@@ -79,6 +79,15 @@ def test_rocks_of_which_none_fits_are_refused():
     assert len(rocks.diameter_m) == round(0.3 * 25 / np.pi)
 
 
+def test_rocks_at_rest_would_leave_their_skirts():
+    both = complete({"rocks": {"coverage": 0.1, "at_rest": True, "skirt": 0.2}})
+    (said,) = scene_checks.find_reasons_in_settings(both)
+    assert is_sentence(said)
+    assert said.names == ("rocks.at_rest", "rocks.skirt")
+    for name, value in (("at_rest", False), ("skirt", 0.0), ("coverage", 0.0)):
+        assert not scene_checks.find_reasons_in_settings(complete(both, {"rocks": {name: value}}))
+
+
 def returned(parameters, incidence_deg):
     """Share of a beam's light that a surface returns, by even directions of the hemisphere, without our quadrature."""
     random = np.random.default_rng(1)
