@@ -228,6 +228,8 @@ IDLE = {
 _SKIRTS = {"skirt_repose_deg", "skirt_drift", "skirt_azimuth_deg"}
 #: What only rocks with debris use.
 _DEBRIS = {"debris_smallest_m", "debris_index", "debris_reach", "debris_most"}
+#: What only rocks at rest use.
+_REST = {"rolling_deg"}
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
@@ -240,6 +242,10 @@ CASES = [
     ("terrain", {"source": {"kind": "HEIGHT_MAP", "detail": True}}, "but", {"body_radius_m"}),
     ("mesh", {}, "but", set()),
     ("mesh", {"mesh": {"kind": "GRID"}}, "only", {"kind"}),
+    ("talus", {}, "only", {"share"}),
+    ("talus", {"talus": {"share": 1.0}}, "but", set()),
+    ("talus", {"talus": {"share": 1.0, "cohesion_pa": 0.0}}, "but", {"weakness"}),
+    ("talus", {"talus": {"share": 1.0}, "source": {"kind": "HEIGHT_MAP", "detail": True}}, "only", set()),
     ("hills", {}, "only", {"rms_slope_deg"}),
     ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
@@ -402,27 +408,43 @@ CASES = [
         "rocks",
         {"rocks": {"coverage": 0.01}},
         "but",
-        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_DEBRIS, *_SKIRTS},
+        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_DEBRIS, *_REST, *_SKIRTS},
     ),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"shape_file", "file", *_DEBRIS, *_SKIRTS}),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}}, "but", {"shape_file", "file", *_DEBRIS}),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01, "clustering": 0.1}},
+        "but",
+        {"shape_file", "file", *_DEBRIS, *_REST, *_SKIRTS},
+    ),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01, "clustering": 0.1, "at_rest": True}},
+        "but",
+        {"shape_file", "file", *_DEBRIS, *_SKIRTS},
+    ),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}},
+        "but",
+        {"shape_file", "file", *_DEBRIS, *_REST},
+    ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "source": {"kind": "MESH"}},
         "but",
-        {"shape_file", "beyond_px", "file", "skirt", *_DEBRIS, *_SKIRTS},
+        {"shape_file", "beyond_px", "file", "skirt", *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}},
         "but",
-        {"shape_file", "beyond_px", "file", *_DEBRIS, *_SKIRTS},
+        {"shape_file", "beyond_px", "file", *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}},
         "but",
-        {"shape_file", "power_index", "file", *_DEBRIS, *_SKIRTS},
+        {"shape_file", "power_index", "file", *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
@@ -439,6 +461,7 @@ CASES = [
             "cluster_radius_m",
             "beyond_px",
             *_DEBRIS,
+            *_REST,
             *_SKIRTS,
         },
     ),
@@ -446,7 +469,7 @@ CASES = [
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "family": "OWN"}},
         "but",
-        {"file", "angularity", *_DEBRIS, *_SKIRTS},
+        {"file", "angularity", *_DEBRIS, *_REST, *_SKIRTS},
     ),
     ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
     ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),
