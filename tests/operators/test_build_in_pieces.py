@@ -21,7 +21,7 @@ from icymoon.operators.window_events import cancel_call
 from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.steps import finish
+from icymoon.support.steps import call, finish
 from pieces import count_pauses, stop_after
 from stand_ins import stand_in
 from thread_asks import list_asks_of_threads
@@ -157,7 +157,7 @@ def test_its_threads_ask_blender_nothing(rocky, monkeypatch, path):
     monkeypatch.setattr(work_in_pieces, "call", lambda work: calls.append(work.func.__name__) or call(work))
     job = wait(begin(rocky))
     assert not job.failure
-    assert {"mesh_whole_ground", "_place_rocks", "_find_exposed"} <= set(calls)
+    assert {"mesh_whole_ground", "_place_rocks", "_trace"} <= set(calls)
     assert asked == []
 
 
