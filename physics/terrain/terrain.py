@@ -326,7 +326,9 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
                 f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
                 f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}."
             )
-    return notes + advise_on_talus(make_terrain(settings, int(settings.dataset.seed), with_skirts=False).talus)
+    if settings.talus.share > 0:
+        notes += advise_on_talus(make_terrain(settings, int(settings.dataset.seed), with_skirts=False).talus)
+    return notes
 
 
 def snow_depth_m(below_m: Array, thickness_m: float) -> Array:
