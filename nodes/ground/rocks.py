@@ -19,13 +19,14 @@ from ...physics.rocks.rock_shapes import RockShape
 from ...rays.rock_exposure import RockShelter
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
-from ..surface.sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays, has_faces
 
 #: Angle between triangles of broken ice above which their edge is sharp, rad.
 _SHARP_ANGLE_RAD = math.radians(28.0)
 SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
+#: Attributes of points: the two parts of ``RockShelter``.
+ROCK_SHELTER, ROCK_SHELTER_SLOPE = "icymoon_rock_shelter", "icymoon_rock_shelter_slope"
 
 
 #: Names of the nodes of ``add_instance_label_pass``.

@@ -16,6 +16,7 @@ from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from ...physics.surfaces.fallen_frost import find_free_exponent, find_hold_cosines, find_origin
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...settings.topics.surfaces import SurfaceSettings
+from ..ground.rocks import ROCK_SHELTER, ROCK_SHELTER_SLOPE
 from ..tree.builder import WHITE, Node, Socket, Tree, Value
 from ..tree.formula import Number
 from .patches_and_grain import (
@@ -26,7 +27,7 @@ from .patches_and_grain import (
     add_share_below,
     find_threshold,
 )
-from .sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE, SHELTERED
+from .sheltered_ground import SHELTERED
 
 #: Ratio of the share of bubbles in the whitest band to the mean, and of the mean to the bluest band; the largest share.
 _BAND_CONTRAST, _MAX_BUBBLE_SHARE = 4.0, 0.6

@@ -26,8 +26,6 @@ from ..datablocks.mesh_arrays import read_property
 
 #: Attribute of vertices: the share of falling grains that other ground and rocks keep away. A mesh without it has none.
 SHELTERED = "icymoon_sheltered"
-#: Attributes of rocks: the two parts of ``RockShelter``.
-ROCK_SHELTER, ROCK_SHELTER_SLOPE = "icymoon_rock_shelter", "icymoon_rock_shelter_slope"
 
 
 def check_shelter(settings: Settings) -> None:

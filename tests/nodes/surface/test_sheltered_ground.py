@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes.build_scene import build_scene
-from icymoon.nodes.surface.sheltered_ground import ROCK_SHELTER, ROCK_SHELTER_SLOPE, SHELTERED, mark_shelter
+from icymoon.nodes.ground.rocks import ROCK_SHELTER, ROCK_SHELTER_SLOPE
+from icymoon.nodes.surface.sheltered_ground import SHELTERED, mark_shelter
 from icymoon.nodes.tree.evaluate_field import read_numbers
 from icymoon.physics.surfaces.fallen_frost import find_origin
 from icymoon.render.mesh_arrays import read_vertices
