@@ -32,7 +32,7 @@ def value_at(shelter: RockShelter, rock: int, point: Array) -> float:
     return float(np.clip(shelter.level[rock] + shelter.slope[rock] @ point, 0.0, 1.0))
 
 
-@pytest.mark.parametrize("subdivisions", [1, 3])
+@pytest.mark.parametrize("subdivisions", [1, 4])
 def test_behind_a_wall_a_rock_gets_nothing_and_beyond_its_shadow_all(subdivisions):
     # Shadows at 45° end WALL_M behind the wall at the ground. Paths to the ball pass within its radius, times sqrt 2.
     shelter = shelter_of([0.5, WALL_M + 2.0], subdivisions)
@@ -43,7 +43,7 @@ def test_behind_a_wall_a_rock_gets_nothing_and_beyond_its_shadow_all(subdivision
 
 def test_at_the_edge_of_a_shadow_the_lower_part_of_a_rock_is_sheltered():
     middle = WALL_M - RADIUS_M  # the path over the wall at 45° meets the ball's middle here
-    shelter = shelter_of([middle], 3)
+    shelter = shelter_of([middle], 4)
     # Across the path, up and away from the wall, the share falls; along the path it stays.
     across, along = np.array([1.0, 0.0, 1.0]) / math.sqrt(2), np.array([-1.0, 0.0, 1.0]) / math.sqrt(2)
     assert shelter.slope[0] @ across * RADIUS_M < -0.4
@@ -55,6 +55,6 @@ def test_at_the_edge_of_a_shadow_the_lower_part_of_a_rock_is_sheltered():
 
 
 def test_the_ball_itself_and_its_place_in_the_list_do_not_count():
-    alone, both = shelter_of([WALL_M + 1.0], 3), shelter_of([0.5, WALL_M + 1.0], 3)
+    alone, both = shelter_of([WALL_M + 1.0], 4), shelter_of([0.5, WALL_M + 1.0], 4)
     assert both.level[1] == pytest.approx(alone.level[0], abs=1e-9)
     assert np.abs(alone.slope).max() < 1e-9
