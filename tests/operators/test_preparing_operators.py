@@ -15,34 +15,11 @@ from icymoon.operators.session import session
 from icymoon.operators.window_events import cancel_call
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import Steps
-from stand_ins import stand_in
+from stand_ins import Process, stand_in
 
 TIMER = stand_in(type="TIMER", value="NOTHING")
 ESCAPE = stand_in(type="ESC", value="PRESS", is_repeat=False)
 UNDO = stand_in(type="Z", value="PRESS", ctrl=True, oskey=False, shift=False)
-
-
-class Process:
-    """A process that ends after some looks."""
-
-    left, returncode, cause, cancelled = False, 0, "", False
-
-    def __init__(self, looks: int) -> None:
-        self.looks = looks
-
-    @property
-    def running(self) -> bool:
-        return self.looks > 0
-
-    def poll(self) -> list[dict[str, object]]:
-        self.looks -= 1
-        return [] if self.looks else [{"type": "result"}]
-
-    def cancel(self) -> None:
-        self.cancelled = True
-
-    def stop(self) -> None:
-        self.cancelled = self.cancelled or self.running
 
 
 class Prepared(PreparingOperator):

@@ -11,36 +11,12 @@ from icymoon.operators.jobs import Job
 from icymoon.operators.session import session
 from icymoon.operators.window_events import cancel_call
 from icymoon.support.errors import IcyMoonError
-from stand_ins import stand_in
+from stand_ins import Process, stand_in
 
 ESCAPE = stand_in(type="ESC", value="PRESS", is_repeat=False)
 HELD = stand_in(type="ESC", value="PRESS", is_repeat=True)
 DOUBLE = stand_in(type="ESC", value="DOUBLE_CLICK", is_repeat=False)
 TIMER = stand_in(type="TIMER", value="NOTHING")
-
-
-class Process:
-    """A process that has messages left for some looks."""
-
-    left, returncode, cause, cancelled, stops = False, 1, "it was killed", False, 0
-
-    def __init__(self, looks: int) -> None:
-        self.looks = looks
-
-    @property
-    def running(self) -> bool:
-        return self.looks > 0
-
-    def poll(self) -> list[dict[str, object]]:
-        self.looks -= 1
-        return [] if self.looks else [{"type": "result"}]
-
-    def cancel(self) -> None:
-        self.cancelled = True
-
-    def stop(self) -> None:
-        self.stops += 1
-        self.cancelled = self.cancelled or self.running
 
 
 class Operator(JobOperator):
@@ -53,7 +29,7 @@ class Operator(JobOperator):
         self.said: list[str] = []
         self.cleaned: list[bool] = []
         self.succeeded = 0
-        self.process = cast("Any", Process(looks))
+        self.process = cast("Any", Process(looks, 1, "it was killed"))
         self._timer, self._job = object(), Job("Try", self.process, clean_up=lambda: self.cleaned.append(True))
         self._watch = unseen_jobs.watch(self, self._job)
         session.job = self._job
