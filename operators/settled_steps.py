@@ -13,13 +13,13 @@ from .session import session
 T = TypeVar("T")
 #: Readings in pieces that a change may interrupt; the next reading is at once. An animation that plays changes the
 #: scene in every turn.
-_MOST_READINGS = 3
+_MAX_READINGS = 3
 
 
 def settle(read: Callable[[], Steps[T]]) -> Steps[T]:
     """What ``read`` returns of a scene that does not change meanwhile. It must find the scene itself, since undo and
     the user may remove data-blocks during a pause."""
-    for _ in range(_MOST_READINGS):
+    for _ in range(_MAX_READINGS):
         changes = session.changes
         with suppress(ReferenceError):  # a data-block was removed
             found = yield from read()

@@ -21,7 +21,7 @@ from .failing_slopes import Strength, cut_to_slope, find_highest_standing
 from .slide_to_repose import GroundLayers, relax_slopes
 
 #: Least thickness in metres, over the width of a wide cell, that counts as talus.
-_LEAST_THICKNESS = 0.02
+_MIN_THICKNESS = 0.02
 #: Greatest thickness over the mean thickness about a place. Where ground falls away beside talus, as under a ledge, the
 #: surface of the talus would otherwise hang in the air.
 _THICKEST = 3.0
@@ -136,7 +136,7 @@ def let_ground_fail(
     layers = GroundLayers(_average_fours(hard), volume_ratio * _average_fours(broken))
     relax_slopes(layers, wide.cell_m, strength.friction_deg)
     slope = math.tan(math.radians(strength.friction_deg))
-    mean = _average_nines(np.where(layers.spoil > _LEAST_THICKNESS * wide.cell_m, layers.spoil, 0.0))
+    mean = _average_nines(np.where(layers.spoil > _MIN_THICKNESS * wide.cell_m, layers.spoil, 0.0))
     top = _shift_to_volume(hard, layers.spoil, mean, _extend_top(layers, wide.cell_m, slope))
     have = float(_measure_on_fine(top, mean, hard).sum())
     broken_sum = float(broken.sum())
@@ -156,7 +156,7 @@ def let_ground_fail(
 def _extend_top(layers: GroundLayers, cell_m: float, slope: float) -> Array:
     """Heights (rows, columns) of the surface of the talus. Beyond its edge the surface goes on downward at the angle of
     repose, so that it ends where it meets the ground between two points."""
-    there = layers.spoil > _LEAST_THICKNESS * cell_m
+    there = layers.spoil > _MIN_THICKNESS * cell_m
     if not there.any():
         return np.full(there.shape, _NO_TALUS_M)
     top = np.where(there, layers.top, layers.top[there].min() - slope * cell_m * max(there.shape))

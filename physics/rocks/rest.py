@@ -30,13 +30,13 @@ HeightAt = Callable[[Array, Array], Array]
 #: Points along a side of the grid on which rocks roll.
 _GRID_SIDE = 385
 #: Step of a rolling rock, over its diameter, and maximum number of steps.
-_STEP, _MOST_STEPS = 0.25, 200
+_STEP, _MAX_STEPS = 0.25, 200
 #: Radius of the ring on which a rock feels the slope, over its diameter, and number of its points.
 _RING_RADIUS, _RING_POINTS = 0.45, 8
 #: Largest turn of a rock in one step of its settling, rad, and number of steps.
 _LARGEST_TURN_RAD, _SETTLING_STEPS = math.radians(12.0), 12
 #: Maximum number of edges over which the search for three points goes.
-_MOST_EDGES = 24
+_MAX_EDGES = 24
 #: Number of directions in which outlines are measured.
 N_DIRECTIONS = 32
 #: Number of points of a rock that may touch the ground.
@@ -46,7 +46,7 @@ _VERTICES = 600
 #: A rock rests if it could sink or turn no more than this, over its diameter and in rad.
 _RESTS_SINK, _RESTS_TURN_RAD = 1.0e-3, math.radians(0.5)
 #: Gap between two outlines that were moved apart, over the diameter of the smaller rock, and maximum number of moves.
-_GAP, _MOST_MOVES = 0.01, 12
+_GAP, _MAX_MOVES = 0.01, 12
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def roll_down(places_m: Array, diameter_m: Array, surface: HeightAt, size_m: flo
     places, steepest = places_m.copy(), math.tan(math.radians(rolling_deg))
     rolls = np.flatnonzero(np.abs(places).max(axis=1) < half)
     height, fall = ground.measure(places[rolls], _RING_RADIUS * diameter_m[rolls])
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         slope = np.hypot(*fall.T)
         going = slope > steepest
         rolls, height, fall, slope = rolls[going], height[going], fall[going], slope[going]
@@ -153,7 +153,7 @@ def find_resting_planes(x_m: Array, y_m: Array, gap_m: Array) -> Array:
     rock = np.arange(len(gap_m))
     plane = np.stack([gap_m[rock, first], np.zeros(len(rock)), np.zeros(len(rock))], axis=1)
     second, plane, going = _tilt(points, gap_m, plane, first, -points[rock, first])
-    for _ in range(_MOST_EDGES):
+    for _ in range(_MAX_EDGES):
         live = np.flatnonzero(going)
         if not len(live):
             break
@@ -271,7 +271,7 @@ def move_apart(
     places, kept = places_m.copy(), np.zeros(len(places_m), bool)
     for k in range(len(places)):
         at = places[k]
-        for _ in range(_MOST_MOVES):
+        for _ in range(_MAX_MOVES):
             move = outlines.find_deepest(at, reach_m[k])
             if move is None:
                 kept[k] = np.abs(at).max() <= half_m or np.abs(places_m[k]).max() > half_m
