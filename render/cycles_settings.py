@@ -94,7 +94,10 @@ def apply_quality(
         (scene.view_settings, {"exposure": 0.0, "gamma": 1.0}),
     ):
         for name, value in values.items():
-            setattr(of, name, value)
+            # Blender announces an equal value as a change too, and its module 5.0 has crashed in such an assignment. A
+            # value that is not set is a default, which other releases change.
+            if getattr(of, name) != value or not of.is_property_set(name):
+                setattr(of, name, value)
 
 
 def _cycles(quality: QualitySettings, seed: int, blurred: bool, through: bool) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from icymoon.settings.description import defaults
 from icymoon.support.blender import compat
 from mathutils import Vector
 from rendering import empty_scene
+from stand_ins import stand_in
 
 #: Values that change an image, by whose they are: all that a scene can be left with by its user or by a template.
 HARMFUL: dict[str, dict[str, Any]] = {
@@ -78,6 +79,34 @@ def test_nothing_that_a_scene_was_left_with_reaches_the_image(registered):
             assert getattr(getattr(left, part), name) != wanted[part, name], f"{part}.{name} harms nothing"
     cycles_settings.apply_quality(left, settings, 5)
     assert told(left) == wanted
+
+
+class Watched:
+    """A part of a scene that notes the names of the values that are assigned."""
+
+    def __init__(self, part: Any, names: list[str]) -> None:
+        self.__dict__.update(_part=part, _names=names)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._part, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self._names.append(name)
+        setattr(self._part, name, value)
+
+
+def test_what_is_set_already_is_not_assigned_again(registered):
+    """Each assignment tells Blender to evaluate the scene anew."""
+    scene, names = empty_scene(), list[str]()
+    parts = {part: Watched(getattr(scene, part), names) for part in HARMFUL}
+    settings = defaults().quality | {"noise_threshold": 0.25}  # a number that float32 has
+    cycles_settings.apply_quality(stand_in(**parts), settings, 5)
+    assert "diffuse_bounces" in names, "a default is assigned too"
+    names.clear()
+    cycles_settings.apply_quality(stand_in(**parts), settings, 5)
+    assert names == []
+    cycles_settings.apply_quality(stand_in(**parts), settings, 6)
+    assert names == ["seed"]
 
 
 def corner(strength: float) -> bpy.types.Scene:
