@@ -79,6 +79,8 @@ def _make_settings(options: argparse.Namespace) -> Settings:
         read_settings(options),
         check({"light": {key: value for key, value in stated.items() if value is not None}}, "sky"),
     )
+    if settings.light.directions_from == "ANGLES":
+        _check_dated(options)
     if options.body is None:
         name = settings.light.body.strip().upper()
         check_body(
@@ -87,6 +89,24 @@ def _make_settings(options: argparse.Namespace) -> Settings:
             "what the ground is of.",
         )
     return settings
+
+
+def _check_dated(options: argparse.Namespace) -> None:
+    """Raise IcyMoonError for an option that acts on the sky of a date alone. A body with a preset has light of its own
+    without a date too."""
+    given = {
+        "--body": options.body if not _find_body_preset(options.body) else None,
+        "--latitude": options.latitude,
+        "--longitude": options.longitude,
+    }
+    if unused := [
+        f"{name} {value if isinstance(value, str) else f'{value:g}'}"
+        for name, value in given.items()
+        if value is not None
+    ]:
+        raise IcyMoonError(
+            f"{unused[0]} has no effect without a date; give --date for Enceladus or Europa, or --kernels for any body."
+        )
 
 
 def _run_sky(options: argparse.Namespace) -> int:

@@ -88,6 +88,18 @@ def test_the_sky_of_another_body_than_the_grounds_has_a_fix_that_works(capsys):
         assert found["body"] == "ENCELADUS"
 
 
+@pytest.mark.parametrize(
+    "words", [["--body", "PLUTO"], ["--latitude", "10"], ["--body", "EUROPA", "--longitude", "331"]]
+)
+def test_an_option_of_the_sky_of_a_date_is_refused_without_one(capsys, words):
+    """It was accepted, and the sky was of other angles."""
+    assert main(["sky", *words]) == 1
+    assert f"{words[-2]} {words[-1]} has no effect without a date; give --date" in capsys.readouterr().err
+    if words[1] != "PLUTO":
+        (found,) = facts(capsys, *words, "--date", "2035-03-01T12:00")
+        assert found["date_utc"] == "2035-03-01T12:00:00"
+
+
 @pytest.mark.long
 def test_a_table_goes_on_through_an_eclipse(capsys):
     """Jupiter hides the Sun once in a turn of 85.2 h over a site that faces it."""

@@ -71,6 +71,8 @@ def test_errors_are_stated_or_of_the_list():
         ("right_yaw_deg=80", "outside -10 to 10 deg"),
         ("yaw=1", "unknown setting"),
         ("k1=x", "number"),
+        ("k1=nan", "--errors k1=nan"),
+        ("k1", "--errors k1: "),
     ):
         with pytest.raises(IcyMoonError, match=said):
             parse_errors([wrong])
