@@ -307,6 +307,12 @@ class PreparingOperator(JobOperator):
         self._change_interval(context, jobs.INTERVAL_S)
         return True
 
+    def give_up(self, context: bpy.types.Context, error: Exception) -> set[str]:
+        """End the job because of a defect, also the prepared job of which this operator has not heard yet."""
+        if self._prepares and self._job.result:
+            self._job.result["value"].close()
+        return super().give_up(context, error)
+
     def _change_interval(self, context: bpy.types.Context, seconds: float) -> None:
         """Look at the job after other times from now on. A timer whose events have stopped may be freed already."""
         if self._timer is not None and self._watch is not None and self._watch.is_seen:

@@ -1532,7 +1532,7 @@ def jobs_end_in_any_case() -> Waiting:
     operators, unseen = module("operators.job_operators"), module("operators.unseen_jobs")
     for kind in ("no events", "fault"):
         yield from call(bpy.ops.icymoon.render_pair, again=True)
-        yield from until(lambda: session().job, "Starting the render")
+        yield from until(lambda: session().job and children(), "Starting the render")
         watch = next(each for each in unseen._watches if each.job is session().job)
         if kind == "fault":
             watch.job.handle = {}.__getitem__

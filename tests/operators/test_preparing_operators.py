@@ -13,6 +13,7 @@ from icymoon.operators.job_operators import KeyStoppedOperator, PiecewiseOperato
 from icymoon.operators.jobs import Job
 from icymoon.operators.session import session
 from icymoon.operators.window_events import cancel_call
+from icymoon.render.workers.process import Message
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import Steps
 from stand_ins import Process, stand_in
@@ -102,6 +103,21 @@ def test_esc_twice_before_the_job_begins_nothing(context):
         operator.modal(context, ESCAPE)
     assert look_until_end(operator, context) == {"CANCELLED"}
     assert operator.said == ["Try was stopped; nothing was begun."]
+    assert session.job is None
+
+
+def test_a_defect_while_the_job_is_handed_over_stops_the_prepared_job(context, capsys):
+    """Its process went on without anything that looked at it."""
+    operator, begun = begin(Prepared(), context), list[Job]()
+
+    def fail(message: Message) -> None:
+        begun.append(message["value"])
+        raise KeyError("no key")
+
+    operator._job.handle = fail
+    assert look_until_end(operator, context) == {"CANCELLED"}
+    assert "KeyError" in capsys.readouterr().err
+    assert begun[0].process.cancelled
     assert session.job is None
 
 
