@@ -285,15 +285,18 @@ class Runner:
                 lambda: not any(map(refine.describe_refining, bpy.data.scenes)), "Making the fine ground"
             )
 
-    def do_start_render(self) -> Waiting:
-        self.operator("render_pair")
+    def do_start_render(self, **options: bool) -> Waiting:
+        """Render, and wait until the scene is prepared."""
+        self.operator("render_pair", **options)
         assert self.until is not None
-        yield from self.until(lambda: self.session.job is not None, "Starting the render")
+        in_pieces = self.module("operators.work_in_pieces").WorkInPieces
+        yield from self.until(
+            lambda: self.session.job is not None and not isinstance(self.session.job.process, in_pieces),
+            "Starting the render",
+        )
 
     def do_start_render_again(self) -> Waiting:
-        self.operator("render_pair", again=True)
-        assert self.until is not None
-        yield from self.until(lambda: self.session.job is not None, "Starting the render")
+        yield from self.do_start_render(again=True)
 
     def do_render(self) -> Waiting:
         if self.windowed:
@@ -335,8 +338,9 @@ class Runner:
         results.keep_results(scene, "SCENE", settings, [pair])
         self.step("Evaluate")
 
-    def do_paint(self) -> None:
+    def do_paint(self) -> Waiting:
         self.operator("paint_errors", method="bm")
+        yield from self.do_wait()
 
     def do_hide(self) -> None:
         self.operator("hide_surface")
