@@ -303,10 +303,10 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
     return found
 
 
-def override(text: str) -> Settings:
+def override(text: str, where: str = "") -> Settings:
     """The partial description of ``topic.key=value``. The value is text for a text or choice, otherwise TOML.
 
-    Raises IcyMoonError as ``check`` does.
+    Raises IcyMoonError as ``check`` does; the sentence begins with ``where``, by default --set with the text.
     """
     name, equals, value = (part.strip() for part in text.partition("="))
     topic_key, dot, key = name.partition(".")
@@ -322,4 +322,4 @@ def override(text: str) -> Settings:
             parsed = parse_toml(f"value = {value}")["value"]
         except ValueError:
             parsed = value
-    return check({topic_key: {key: parsed}}, f"--set {shorten(text)}")
+    return check({topic_key: {key: parsed}}, where or f"--set {shorten(text)}")

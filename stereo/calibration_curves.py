@@ -18,7 +18,7 @@ import numpy as np
 
 from ..physics.camera.calibration_error import make_assumed_camera
 from ..physics.camera.stereo_camera import StereoCamera
-from ..settings.description import check, merged
+from ..settings.description import check, merged, override
 from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -82,20 +82,11 @@ def parse_errors(stated: Sequence[str]) -> dict[str, tuple[float, ...]]:
     for text in stated:
         key, _, numbers = text.partition("=")
         values = [
-            check({TOPIC: {key.strip(): _parse_number(number)}}, f"--errors {shorten(text)}")
-            for number in numbers.split(",")
+            override(f"{TOPIC}.{key.strip()}={number}", f"--errors {shorten(text)}") for number in numbers.split(",")
         ]
         name = next(iter(values[0][TOPIC]))
         found[name] = tuple(sorted({0.0, *(float(value[TOPIC][name]) for value in values)}))
     return found
-
-
-def _parse_number(text: str) -> float | str:
-    """The number, or the text if it is not one."""
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
 
 
 def name_rig(camera: StereoCamera) -> str:
