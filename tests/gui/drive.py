@@ -473,8 +473,8 @@ def rocks_where_painted() -> Waiting:
     yield from screenshot("paint_mask")
     with in_region("WINDOW"):
         used = bpy.ops.icymoon.use_painted_mask("INVOKE_DEFAULT", True, kind="ROCKS")
-    check(used == {"FINISHED"}, "the mask was refused")
-    yield from until(lambda: settings().rocks.mask_file, "Using the mask")
+    check(used == {"RUNNING_MODAL"}, "the mask was refused")
+    yield from until(lambda: settings().rocks.mask_file and session().building is None, "Using the mask")
     low = min(vertex.co.y for vertex in next(i for i in bpy.data.objects if i.get("icymoon") == "rock").data.vertices)
     check(rocks() > 10 and low > -0.5, f"of {before} rocks {rocks()} are there, from {low} m north")
     yield from away()
