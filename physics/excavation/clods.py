@@ -81,14 +81,15 @@ def add_clods(
     repose_deg: float,
     random: np.random.Generator,
     sorting: float = 0.0,
+    thinnest_m: float = 0.0,
 ) -> Array:
     """Thickness (rows, columns) in metres of spoil with clods of up to ``largest_m``; its sum is the sum of
     ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods. ``sorting`` from 0 to 1 is the share
-    of the clods that rolled down the heap."""
+    of the clods that rolled down the heap. No clod drops on spoil up to ``thinnest_m`` thick, which is dust."""
     total = float(spoil_m.sum())
-    if largest_m <= 0.0 or total <= 0.0:
+    if largest_m <= 0.0 or float(spoil_m.max()) <= thinnest_m:
         return spoil_m
-    place, width = place_clods(grid, ground_m, spoil_m, largest_m, repose_deg, random, sorting)
+    place, width = place_clods(grid, ground_m, spoil_m, largest_m, repose_deg, random, sorting, thinnest_m)
     top = ground_m + spoil_m
     raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
@@ -104,9 +105,11 @@ def place_clods(
     repose_deg: float,
     random: np.random.Generator,
     sorting: float = 0.0,
+    thinnest_m: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Rows and columns (n, 2) where clods on spoil come to rest, and their widths (n,) in metres, smallest first."""
-    on = np.flatnonzero(spoil_m > 0.0)
+    """Rows and columns (n, 2) where clods come to rest that dropped on spoil thicker than ``thinnest_m``, and their
+    widths (n,) in metres, smallest first."""
+    on = np.flatnonzero(spoil_m > thinnest_m)
     most = min(largest_m, _WIDTH_OVER_THICKNESS * float(spoil_m.max()))
     covered = _COVERED_SHARE + sorting * (_SORTED_SHARE - _COVERED_SHARE)
     width = _draw_widths(grid.cell_m, len(on), most, random, covered)
@@ -124,7 +127,7 @@ def place_clods(
     pace = np.where(rolls, math.sqrt(2.0 * _DROP_HEIGHT * float(spoil_m.max()) / grid.cell_m), 0.0)
     turn = random.uniform(0.0, 2.0 * math.pi, len(width))
     speed = pace[:, None] * np.stack([np.sin(turn), np.cos(turn)], axis=1)
-    bare = spoil_m <= 0.0
+    bare = spoil_m <= thinnest_m
     return _slide_clods(top, _find_cells(start, grid), tangent * friction, speed, (bare, tangent * on_ground)), width
 
 
@@ -133,12 +136,17 @@ def _find_cells(numbers: Array, grid: ExcavationGrid) -> Array:
     return np.stack(np.divmod(numbers, grid.columns), axis=1).astype(np.float64)
 
 
+def find_least_width_m(cell_m: float, largest_m: float) -> float:
+    """Width in metres of the smallest clod, where the largest is ``largest_m`` wide."""
+    return max(_SMALLEST_CELLS * cell_m, largest_m / _WIDTH_RATIO)
+
+
 def _draw_widths(
     cell_m: float, cells: int, largest_m: float, random: np.random.Generator, covered: float = _COVERED_SHARE
 ) -> Array:
     """Widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil, whose area is ``covered`` times
     as large as the area of these cells."""
-    least = max(_SMALLEST_CELLS * cell_m, largest_m / _WIDTH_RATIO)
+    least = find_least_width_m(cell_m, largest_m)
     most = max(largest_m, least)
     ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
     mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))

@@ -13,8 +13,9 @@ from ...support.arrays import Array
 from ..gravity.slide_to_repose import GroundLayers, relax_slopes
 from ..random_numbers.seeds import make_generator
 from ..terrain.noise.lattice_noise import gradient_noise
-from .clods import add_clods
+from .clods import add_clods, find_least_width_m
 from .dig_site import ExcavationSite
+from .dust_apron import spread_dust
 from .scoop_cut import Pull, fit_plane, measure_cut_depth_m
 from .wall_slump import find_failed_m, make_strength
 
@@ -132,18 +133,7 @@ class ExcavationSeries:
         if size == 0.0 or total == 0.0:
             return layers
         if self.has_many_sizes:
-            return GroundLayers(
-                layers.ground,
-                add_clods(
-                    self.site.grid,
-                    layers.ground,
-                    layers.spoil,
-                    size,
-                    float(self.excavation.friction_deg),
-                    make_generator(self.seed, "terrain", 9),
-                    float(self.excavation.sorting),
-                ),
-            )
+            return GroundLayers(layers.ground, self._make_clods(layers, size))
         grid, key = self.site.grid, int(make_generator(self.seed, "terrain", 7).integers(0, 2**32))
         clods = np.zeros(layers.spoil.shape)
         for octave, (waves, share) in enumerate(_CLOD_NOISE):
@@ -154,6 +144,20 @@ class ExcavationSeries:
         spoil = layers.spoil + size * (clods - float(clods.mean())) * np.minimum(layers.spoil / size, 1.0)
         spoil = np.maximum(spoil, 0.0)
         return GroundLayers(layers.ground, spoil * (total / float(spoil.sum())))
+
+    def _make_clods(self, layers: GroundLayers, largest_m: float) -> Array:
+        """Thickness (rows, columns) in metres of spoil with clods of many sizes; none drops on dust beyond the heap."""
+        dusty = self.excavation.dust_share > 0.0
+        return add_clods(
+            self.site.grid,
+            layers.ground,
+            layers.spoil,
+            largest_m,
+            float(self.excavation.friction_deg),
+            make_generator(self.seed, "terrain", 9),
+            float(self.excavation.sorting),
+            find_least_width_m(self.site.grid.cell_m, largest_m) if dusty else 0.0,
+        )
 
     def _find_sliding_area(self, number: int, lowest_m: float) -> Array:
         """Boolean (rows, columns): cells where ground may slide, out to where a slope from the lowest floor reaches
@@ -237,7 +241,11 @@ class ExcavationSeries:
         crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
         more = np.maximum(more - less, 0.0)
-        layers.spoil += more * (volume / (float(more.sum()) * area))
+        more *= volume / (float(more.sum()) * area)
+        dust = float(self.excavation.dust_share)
+        if dust > 0.0:
+            more = (1.0 - dust) * more + spread_dust(grid, dust * more, float(self.excavation.drop_m))
+        layers.spoil += more
 
     def measure_heaped_m3(self, state: int) -> float:
         """Volume of the spoil that was dropped on the heap up to a state."""

@@ -14,6 +14,7 @@ from ...support.files import absolute_path
 from ..arm.lander_arm import is_users_arm
 from ..gravity.standing_slopes import critical_height_m, find_gravity_m_s2
 from .dig_grid import ExcavationGrid, make_covering_grid
+from .dust_apron import find_reach_m
 from .heap import SpoilHeap, ridge_height_m
 from .joint_paths import make_joint_pulls
 from .scoop_cut import Pull, find_bounds_m
@@ -97,6 +98,8 @@ _SITE_SETTINGS = (
     "bulking",
     "chips_m",
     "heaped_share",
+    "dust_share",
+    "drop_m",
     "heap_side",
     "heap_gap_m",
     "cell_m",
@@ -210,13 +213,15 @@ def _place_heap(
     length = (end - start) if excavation.path in (RECORDED, JOINTS) else float(excavation.length_m)
     low, high = (start, end) if excavation.path in (RECORDED, JOINTS) else (0.0, length)
     area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
-    volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
+    heaped = excavation.heaped_share * (1.0 - excavation.dust_share)
+    volume = heaped * excavation.bulking * area * max(deepest, 0.0)
     height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
     foot = height / math.tan(math.radians(excavation.friction_deg))
     away = half + slumped + excavation.heap_gap_m + foot
     side = away if excavation.heap_side == "RIGHT" else -away
     heap = SpoilHeap(first.point(low, side), first.point(high, side), excavation.friction_deg)
-    return heap, 1.4 * foot + _MARGIN_M
+    apron = find_reach_m(float(excavation.drop_m)) if excavation.dust_share > 0.0 else 0.0
+    return heap, 1.4 * foot + apron + _MARGIN_M
 
 
 def find_refusals(settings: Settings) -> list[str]:

@@ -109,6 +109,12 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Sorting", 0.0, "Share of the clods of many sizes that rolled down the heap, the larger the "
         "farther; the rest of the heap is fine", "geometry", section=HEAP,
         active=positive("clods_m") & chosen("clod_sizes", "MANY"), since="0.4")
+    dust_share: float = fraction(
+        "Dust", 0.0, "Share of the heaped ground that is dust. It rebounds where it lands and lies as an apron round "
+        "the heap", "geometry", section=HEAP, since="0.4")
+    drop_m: float = metres(
+        "Drop Height", 0.2, 1.0e-3, 2.0, (0.05, 0.5), "Height from which the scoop drops spoil. The jumps of dust are "
+        "half as long on average, on any moon", "geometry", section=HEAP, active=positive("dust_share"), since="0.4")
     cell_m: float = metres(
         "Cell Size", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap",
         "geometry", section=ADVANCED, shown=DUG)
