@@ -20,10 +20,10 @@ from ..support.printer import show_controls
 from . import dialogs, jobs, last_variations
 from .evaluate import make_response_arguments
 from .job_operators import JobOperator
+from .kept_pairs import find_kept_pairs
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
 from .session import Exported, session
-from .show_pair import find_kept_pairs
 from .sidebar_text import format_for_window
 
 #: The choice that stands among the formats for --for-prediction of the command line.

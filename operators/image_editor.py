@@ -21,6 +21,11 @@ def find_editors_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
     return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image == image]
 
 
+def find_empty_editors() -> list[bpy.types.Area]:
+    """The Image Editors that show no image."""
+    return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image is None]
+
+
 def show_in_editor(open_window: bool, show: Show) -> bool:
     """Call ``show`` with an open Image Editor in View mode that is not pinned to its image and is not a UV Editor.
 

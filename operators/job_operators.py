@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable
 
@@ -16,6 +17,15 @@ from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import redraw_panels
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
+
+
+def _notice_button(event: bpy.types.Event) -> None:
+    """Remember whether the left mouse button is down. While a field is dragged or typed in, Blender sends operators
+    nothing but timers, so the press is the last event until the field is left."""
+    if event.type == "LEFTMOUSE":
+        session.pressed_s = time.monotonic() if event.value == "PRESS" else None
+    elif event.type == "MOUSEMOVE":
+        session.pressed_s = None
 
 
 class WatchingOperator(ExplainedOperator):
@@ -84,6 +94,7 @@ class WatchingOperator(ExplainedOperator):
         if self._watch.ended:  # by ``unseen_jobs``
             return {"FINISHED"}
         if event.type != "TIMER":
+            _notice_button(event)
             return {"PASS_THROUGH"}
         self._watch.turns = 0
         return self.look_or_end(context) or {"PASS_THROUGH"}

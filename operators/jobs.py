@@ -22,7 +22,7 @@ from .work_in_pieces import WorkInPieces
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
 #: Minimum finished share of a job, or minimum seconds, from which on the remaining time is shown.
-_MIN_SHARE, _MIN_SECONDS = 0.1, 120.0
+_MIN_SHARE, _MIN_SECONDS = 0.1, 600.0
 #: Seconds in which the second Esc must follow the first to stop a job.
 ESCAPE_S = 2.0
 

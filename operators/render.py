@@ -16,6 +16,7 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..physics.scene_checks import find_reasons_without_file
+from ..render.cost.blender_abilities import Abilities, describe_lack_for_quality
 from ..render.cost.measure_speed import read_speed_of_pair
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
@@ -25,6 +26,7 @@ from ..render.workers.job_commands import blender_command, resolve_dataset_folde
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from ..support.steps import Steps, finish
@@ -175,6 +177,13 @@ def keep_speed_of_pair(folder: Path) -> None:
             keep_speed(speed)
 
 
+def explain_missing_denoiser(scene: bpy.types.Scene) -> str:
+    """A sentence that this Blender lacks the denoiser of a scene, with the fix; empty if it has it. Graphics cards are
+    not looked for, since panels ask at each redraw."""
+    quality = scene_properties.read_for_display(scene.icymoon).quality
+    return describe_lack_for_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
+
+
 class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):
     """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc twice stops it"""
 
@@ -184,6 +193,10 @@ class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):
     again: bpy.props.BoolProperty(
         name="Again", default=False, description="Render pairs again that are already complete"
     )
+
+    @classmethod
+    def find_obstacle(cls, context: bpy.types.Context) -> str:
+        return super().find_obstacle(context) or format_for_window(explain_missing_denoiser(context.scene))
 
     def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:
         settings = scene_properties.read_settings(context.scene.icymoon)

@@ -276,6 +276,8 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
         )
     elif found.scope == last_variations.SCOPE and found.settings.dataset.folder != scene.icymoon.variations.folder:
         sentences.append("Other variations were rendered since; press Evaluate These Variations to measure those.")
+    elif missing := explain_missing_results(scene):
+        sentences.append(missing)
     return sentences
 
 
@@ -324,7 +326,7 @@ def find_report_folder(scene: bpy.types.Scene) -> Path:
     found = _read_results(scene)
     folder = find_measured_dataset(scene) / _name_folder(found.scope)
     if _clean_text(_read_creation_time(_read_report(folder))) != found.made:
-        raise IcyMoonError(f"{folder} contains an evaluation other than the one shown; press Evaluate again.")
+        raise IcyMoonError(f"Another evaluation has replaced these results in {folder}; press Evaluate again.")
     return folder
 
 
@@ -481,8 +483,14 @@ def show_images(
 
 
 def explain_missing_results(scene: bpy.types.Scene) -> str:
-    """A text that a scene was not evaluated; empty if it was."""
-    return "" if read_stored_results(scene) is not None else "This scene has not been evaluated yet"
+    """Why the files of a scene's last evaluation cannot be shown; empty if they can."""
+    if read_stored_results(scene) is None:
+        return "This scene has not been evaluated yet"
+    try:
+        find_report_folder(scene)
+    except IcyMoonError as error:
+        return str(error)
+    return ""
 
 
 class ResultOperator(ExplainedOperator):

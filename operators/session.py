@@ -71,6 +71,10 @@ class Session:
     shadow_notes: dict[int, tuple[str, float | None]] = field(default_factory=dict)
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
     preview_side: int = SIDES[0]  # coarse at first, since the first step of a slider also replaces the built ground
+    #: Addresses of the areas that showed the pair before an undo, which may remove its picture.
+    pair_areas: list[int] = field(default_factory=list)
+    #: When the mouse button was pressed that holds a field, in seconds of ``time.monotonic``; None if it is up.
+    pressed_s: float | None = None
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
     traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
     #: The clock's and the processor's seconds when the load of this Blender was measured last.

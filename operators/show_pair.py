@@ -24,9 +24,7 @@ from ..render.pairs.dataset_file_names import check_id, folder_of_pair
 from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
 from ..settings.rebuilt_parts import select_response
-from ..settings.topics.scene import typed
 from ..stereo.pair_views import read_pair_views
-from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
 from ..support.system import remove_folder
@@ -36,6 +34,7 @@ from .camera_image_notes import AS_RECORDED
 from .evaluate import find_rendered_pairs
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
+from .kept_pairs import find_kept_pairs
 from .render import find_dataset_folder
 from .session import ShownPair, session
 from .sidebar_text import replace_keys_by_labels
@@ -68,6 +67,8 @@ ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
 REST_S = 0.3
 _FLICKER_S = 1 / 3
+#: Maximum seconds for which a field that is dragged or typed in puts off the window of a new pair.
+_MAX_HELD_S = 60.0
 
 
 def _describe_origin(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> tuple[Any, ...]:
@@ -79,16 +80,6 @@ def _describe_origin(folder: Path, camera_response: Mapping[str, Mapping[str, An
 
 
 # ---- which pair -----------------------------------------------------------------------------------------------------
-
-
-def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
-    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
-    try:
-        folder = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
-        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
-    except IcyMoonError:
-        return []
-    return [path for path in found if (path / "pair.json").is_file()]
 
 
 def find_pairs_to_show(scene: bpy.types.Scene) -> list[Path]:
@@ -107,6 +98,16 @@ def _find_pictures_folder() -> Path:
 def find_image() -> bpy.types.Image | None:
     """The image that shows pairs; None without one."""
     return next((image for image in bpy.data.images if image.get(TAG) == ROLE and image.library is None), None)
+
+
+def _get_image() -> bpy.types.Image:
+    """The image that shows pairs, made from the written picture if there is none."""
+    image = find_image()
+    if image is None:
+        image = bpy.data.images.load(str(_find_pictures_folder() / "picture_0.png"))
+        image.name, image[TAG] = NAME, ROLE
+        image.is_runtime_data = True
+    return image
 
 
 def _load_picture(image: bpy.types.Image, turn: int) -> None:
@@ -131,11 +132,8 @@ def _show_view(now: ShownPair, open_window: bool, raise_window: bool) -> None:
     """Show a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an editor that shows
     the image already comes to the front."""
     _write_pictures(now.views.pictures(now.view))
-    image = find_image()
-    new = image is None
-    if image is None:
-        image = bpy.data.images.load(str(_find_pictures_folder() / "picture_0.png"))
-        image.name, image[TAG] = NAME, ROLE
+    new = find_image() is None
+    image = _get_image()
     size = tuple(image.size)
     _load_picture(image, 0)
     session.shown = now
@@ -162,6 +160,24 @@ def _show_in(area: bpy.types.Area) -> None:
     push_undo("Show Stereo Pair")
     _begin_flicker()
     redraw_panels()
+
+
+def _note_areas() -> None:
+    """Remember the areas that show the pair, before an undo or redo."""
+    image = find_image()
+    found = image_editor.find_editors_showing(image) if image is not None else []
+    session.pair_areas = [area.as_pointer() for area in found] or session.pair_areas
+
+
+def _return_picture() -> None:
+    """Show the pair again in the areas that an undo has emptied: the picture is no part of the user's work."""
+    if session.shown is None:
+        return
+    for area in image_editor.find_empty_editors():
+        if area.as_pointer() in session.pair_areas:
+            area.spaces.active.image = _get_image()
+            image_editor.zoom_to_fit(area)
+    _begin_flicker()
 
 
 def _begin_flicker() -> None:
@@ -225,6 +241,14 @@ class ShowsPair(WatchingOperator):
         _show_view(self._found, self._opens_window(context), raise_window=not self.automatic)
         if self._job is not None and self.automatic:
             view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
+
+    def look(self, context: bpy.types.Context) -> bool:
+        """Check the job. A window that the user has not asked for would take a field from under the mouse, so it waits
+        until the field is left."""
+        if super().look(context):
+            return True
+        held = self.automatic and session.pressed_s is not None
+        return held and time.monotonic() - (session.pressed_s or 0.0) < _MAX_HELD_S
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
         """Whether to open a window: after a render only if the user's preference for renders allows it."""
@@ -340,5 +364,11 @@ def _remove_pictures() -> None:
 
 
 register, unregister = make_registration(
-    follow_response, timers=(_show_other_eye, _develop_shown_pair), end=_remove_pictures
+    follow_response,
+    timers=(_show_other_eye, _develop_shown_pair, _return_picture),
+    end=_remove_pictures,
+    undo_pre=_note_areas,
+    redo_pre=_note_areas,
+    undo_post=lambda: call_later(_return_picture),
+    redo_post=lambda: call_later(_return_picture),
 )

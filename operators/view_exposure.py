@@ -138,11 +138,14 @@ def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[
 
 
 def describe_exposure(scene: bpy.types.Scene) -> str:
-    """How the exposure of the view differs from the exposure of a pair: '' if it is equal, 'estimated', or 'other'."""
+    """How the exposure of the view differs from the exposure of a pair: '' if it is equal, 'automatic' if it is equal
+    and follows the light, 'estimated', or 'other'."""
     collection = scenes.find_collection(scene)
     if collection is None or not has_own_exposure(scene) or scene.view_settings.view_transform != TRANSFORM:
         return "other"
-    return "estimated" if scene.icymoon.sensor.auto_exposure and MEASURED not in collection else ""
+    if not scene.icymoon.sensor.auto_exposure:
+        return ""
+    return "automatic" if MEASURED in collection else "estimated"
 
 
 def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:

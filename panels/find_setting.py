@@ -79,15 +79,22 @@ def _draw_buttons(layout: bpy.types.UILayout, buttons: Sequence[Button]) -> None
 
 
 def _draw_found(
-    layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, key: str, settings: Settings
+    layout: bpy.types.UILayout,
+    root: bpy.types.PropertyGroup,
+    topic: str,
+    key: str,
+    settings: Settings,
+    typed_at_once: bool = False,
 ) -> None:
-    """Draw a setting below the name of its panel, grey with the reason where it has no effect."""
+    """Draw a setting below the name of its panel, grey with the reason where it has no effect. In a popup, the keys
+    may be ``typed_at_once`` into its field."""
     setting, reason = TOPICS[topic][key], explain_obstacle(topic, key, settings)
     place = describe_place(topic, setting).partition(" ▸ ")[0]
     whole = f"{place}   {topic}.{key}"
     layout.label(text=whole if len(whole) <= measure_line_length() else place)  # half a name would help nobody
     field = layout.row()
     field.enabled = not reason
+    field.activate_init = typed_at_once
     if setting.kind == "list":
         field.label(text=f"{setting.label}: a list in its panel")
     else:
@@ -122,7 +129,8 @@ class ICYMOON_OT_find_setting(SearchDialog, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the field of the setting."""
         root, (topic, _, key) = context.scene.icymoon, self.setting.partition(".")
-        _draw_found(self.layout.column(align=True), root, topic, key, scene_properties.read_for_display(root))
+        settings = scene_properties.read_for_display(root)
+        _draw_found(self.layout.column(align=True), root, topic, key, settings, typed_at_once=True)
 
 
 CLASSES = (ICYMOON_OT_find_setting,)

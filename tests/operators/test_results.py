@@ -253,9 +253,9 @@ def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, t
     write_evaluation(folder, shown=[shown_row], created="2039-01-01T00:00:00+00:00")
     assert results.list_methods_with_points(scene) == []
     assert results.read_summary(scene)[0]["l1_m"] == ROW["l1_m"]
-    with pytest.raises(IcyMoonError, match="contains an evaluation other than the one shown"):
+    with pytest.raises(IcyMoonError, match="Another evaluation has replaced these results"):
         results.find_report_folder(scene)
-    with pytest.raises(RuntimeError, match="contains an evaluation other than the one shown"):
+    with pytest.raises(RuntimeError, match="Another evaluation has replaced these results"):
         bpy.ops.icymoon.open_report()
     (folder / "summary.json").unlink()
     with pytest.raises(RuntimeError, match="no report"):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from functools import partial
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 from evaluations import PAIR, evaluated
-from icymoon.operators import dataset, image_editor, live_preview, results, show_pair
+from icymoon.operators import dataset, image_editor, job_operators, kept_pairs, live_preview, results, show_pair
 from icymoon.operators.session import session
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
@@ -38,6 +39,54 @@ def editor(monkeypatch):
     return areas
 
 
+class Area(SimpleNamespace):
+    """An Image Editor, in a place in memory."""
+
+    def __init__(self, address):
+        super().__init__(address=address, spaces=SimpleNamespace(active=SimpleNamespace(image=None)))
+
+    def as_pointer(self):
+        return self.address
+
+    def tag_redraw(self):
+        pass
+
+
+def test_undo_leaves_the_pair_in_the_editors_that_showed_it(rendered, monkeypatch):
+    shows, other = Area(1), Area(2)
+    bpy.ops.icymoon.show_pair(view="LEFT")
+    monkeypatch.setattr(image_editor, "list_areas", lambda kind: [(None, shows), (None, other)])
+    monkeypatch.setattr(image_editor, "zoom_to_fit", lambda area: None)
+    shows.spaces.active.image = show_pair.find_image()
+    picture = pixels()
+    show_pair._note_areas()
+    bpy.data.images.remove(show_pair.find_image())  # as an undo to before it was shown does
+    shows.spaces.active.image = None
+    show_pair._note_areas()  # before a second undo
+    show_pair._return_picture()
+    assert shows.spaces.active.image == show_pair.find_image()
+    assert_array_equal(pixels(), picture)
+    assert other.spaces.active.image is None  # the user's own
+
+
+def test_the_window_of_a_new_pair_waits_for_the_field_that_is_held(rendered, monkeypatch):
+    operator = show_pair.ShowsPair()
+    operator.automatic, operator._job = True, SimpleNamespace(poll=lambda: False)
+    look = partial(operator.look, bpy.context)
+    job_operators._notice_button(SimpleNamespace(type="LEFTMOUSE", value="PRESS"))
+    assert look()
+    operator.automatic = False  # the user has asked for it
+    assert not look()
+    operator.automatic = True
+    job_operators._notice_button(SimpleNamespace(type="MOUSEMOVE", value="NOTHING"))
+    assert not look()
+    job_operators._notice_button(SimpleNamespace(type="LEFTMOUSE", value="PRESS"))
+    monkeypatch.setattr(session, "pressed_s", session.pressed_s - 61.0)
+    assert not look()
+    job_operators._notice_button(SimpleNamespace(type="LEFTMOUSE", value="RELEASE"))
+    assert session.pressed_s is None
+
+
 def pixels() -> Array:
     """What the image shows, uint8 RGB (H, W, 3), the top row first."""
     image = show_pair.find_image()
@@ -48,7 +97,7 @@ def pixels() -> Array:
 
 def views_of(scene):
     """What there is to show of a scene's pair, read anew."""
-    (folder,) = show_pair.find_kept_pairs(scene)
+    (folder,) = kept_pairs.find_kept_pairs(scene)
     return read_pair_views(folder, {})
 
 
@@ -62,7 +111,7 @@ def test_the_image_is_the_picture_of_the_view(rendered, view):
 
 
 def test_the_last_pair_of_a_data_set_is_shown_without_another_process(rendered, monkeypatch):
-    (folder,) = show_pair.find_kept_pairs(rendered)
+    (folder,) = kept_pairs.find_kept_pairs(rendered)
     picture = views_of(rendered).pictures("SIDE_BY_SIDE")[0]
     rendered.icymoon.pairs = ""  # it is none of the scene's
     rendered.icymoon.dataset.folder = "/nowhere"
@@ -108,25 +157,25 @@ def test_a_pair_is_read_once_and_again_when_the_response_or_the_pair_changes(ren
 
 
 def test_the_pair_stays_with_the_scene(rendered, tmp_path):
-    (folder,) = show_pair.find_kept_pairs(rendered)
+    (folder,) = kept_pairs.find_kept_pairs(rendered)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert show_pair.find_kept_pairs(bpy.context.scene) == []
+    assert kept_pairs.find_kept_pairs(bpy.context.scene) == []
     assert session.shown is None
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    assert show_pair.find_kept_pairs(bpy.context.scene) == [folder]
+    assert kept_pairs.find_kept_pairs(bpy.context.scene) == [folder]
     assert bpy.ops.icymoon.show_pair() == {"FINISHED"}
 
 
 @pytest.mark.parametrize("text", ["", "../../etc", "/etc/passwd", "0123456789ab", "x" * 10_000, "0123456789ab ../.."])
 def test_what_a_file_names_leads_nowhere(scene, tmp_path, text):
     scene.icymoon.dataset.folder, scene.icymoon.pairs = str(tmp_path), text
-    assert show_pair.find_kept_pairs(scene) == []
+    assert kept_pairs.find_kept_pairs(scene) == []
     assert "icymoon.show_pair" not in texts(drawn(sidebar.ICYMOON_PT_main))
 
 
 def test_what_cannot_be_shown_is_one_sentence(rendered):
-    (folder,) = show_pair.find_kept_pairs(rendered)
+    (folder,) = kept_pairs.find_kept_pairs(rendered)
     left = folder / "left.exr"
     content = left.read_bytes()
     left.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -193,7 +242,7 @@ def test_the_sidebar_and_the_header_show_the_views_where_there_is_a_pair(small, 
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
     labels = [entry[2] for entry in drawn(sidebar.ICYMOON_PT_main) if entry[1] == "icymoon.show_pair"]
     assert labels == [label for _, label, _ in show_pair.VIEWS]
-    (folder,) = show_pair.find_kept_pairs(small)
+    (folder,) = kept_pairs.find_kept_pairs(small)
     assert folder.name not in texts(drawn(sidebar.ICYMOON_PT_main))
     bpy.ops.icymoon.show_pair()
     said = texts(drawn(sidebar.ICYMOON_PT_main))
@@ -210,7 +259,7 @@ def test_every_pair_of_several_headings_can_be_shown(small):
     small.icymoon.dataset.headings = 2
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
-    folders = show_pair.find_kept_pairs(small)
+    folders = kept_pairs.find_kept_pairs(small)
     assert len(set(folders)) == 2
     for number, folder in enumerate(folders, 1):
         bpy.ops.icymoon.show_pair(number=number)
@@ -276,7 +325,7 @@ def test_a_pair_whose_files_are_elsewhere_is_not_said_to_be_unrendered(scene, tm
 
 
 def test_the_header_names_the_pair_what_is_shown_and_how(rendered):
-    (folder,) = show_pair.find_kept_pairs(rendered)
+    (folder,) = kept_pairs.find_kept_pairs(rendered)
     assert show_pair.describe_picture(rendered) == ""
     for view, shown in (("RIGHT", "right camera"), ("DEPTH", "true depth over the left image")):
         bpy.ops.icymoon.show_pair(view=view)

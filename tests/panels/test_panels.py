@@ -459,7 +459,14 @@ def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, sai
 
 @pytest.mark.parametrize(
     ("fraction", "past_s", "left_s"),
-    [(0.02, 3600.0, None), (0.05, 60.0, None), (0.05, 600.0, 11400.0), (0.1, 60.0, 540.0), (0.5, 60.0, 60.0)],
+    [
+        (0.02, 3600.0, None),
+        (0.05, 60.0, None),
+        (0.05, 599.0, None),
+        (0.05, 600.0, 11400.0),
+        (0.1, 60.0, 540.0),
+        (0.5, 60.0, 60.0),
+    ],
 )
 def test_no_time_is_left_while_the_start_of_the_process_decides_it(monkeypatch, fraction, past_s, left_s):
     process: Any = SimpleNamespace()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import pytest
 from icymoon.nodes.build_scene import find_built
+from icymoon.operators.next_step import find_next_step
 from icymoon.support.blender import compat
 from panel_drawing import drawn
 
@@ -38,6 +39,15 @@ def test_render_is_refused_before_the_scene_is_built(without):
     with pytest.raises(RuntimeError, match=r"set quality\.denoiser to NONE"):
         bpy.ops.icymoon.render_pair()
     assert find_built(without) is None
+
+
+def test_the_next_step_is_another_denoiser_and_render_is_grey(without):
+    bpy.ops.icymoon.build_scene()
+    assert find_next_step(without) == "Next: Render Stereo Pair"
+    assert bpy.ops.icymoon.render_pair.poll()
+    without.icymoon.quality.denoiser = "OIDN"
+    assert find_next_step(without) == "Next: Choose Another Denoiser"
+    assert not bpy.ops.icymoon.render_pair.poll()
 
 
 def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):

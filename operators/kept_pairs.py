@@ -1,0 +1,53 @@
+"""The pairs that a scene knows, and the settings that have changed since they were rendered."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from ..render.pairs.dataset_file_names import check_id, folder_of_pair
+from ..render.pairs.pair_folder import read_pair
+from ..settings.blender import scene_properties
+from ..settings.description import merged
+from ..settings.table import list_differing_settings
+from ..settings.topics.declaration import Setting
+from ..settings.topics.scene import Settings, typed
+from ..support.errors import IcyMoonError
+from .render import find_dataset_folder
+
+
+def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
+    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
+    try:
+        folder = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
+        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
+    except IcyMoonError:
+        return []
+    return [path for path in found if (path / "pair.json").is_file()]
+
+
+def list_changes_since_render(scene: bpy.types.Scene, folder: Path) -> list[tuple[str, Setting]]:
+    """(topic, setting) of each setting on which the images depend and that has changed since a pair was rendered; none
+    for a pair that cannot be read."""
+    rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
+    if rendered is None:
+        return []
+    present = scene_properties.read_for_display(scene.icymoon)
+    if present.quality.indirect == "AUTO":  # the render has chosen, and the pair states the choice
+        present = merged(present, {"quality": {"indirect": rendered.quality.indirect}})
+    return [
+        (topic, setting)
+        for topic, setting in list_differing_settings(rendered, present)
+        if setting.effect not in ("run", "response")
+    ]
+
+
+@lru_cache(maxsize=4)
+def _read_settings(folder: Path, written_ns: int) -> Settings | None:
+    """The settings of a pair whose record was written at that time; None if it cannot be read."""
+    try:
+        return read_pair(folder).settings
+    except IcyMoonError:
+        return None
