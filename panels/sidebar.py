@@ -94,7 +94,8 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         column.label(text="Esc stops it", icon="BLANK1")
         return
     if job is None:
-        column.label(text=session.ended or "No job is running")
+        title, _, outcome = (session.ended or "No job is running").rpartition(": ")
+        column.label(text=_choose_text(session.ended, outcome.capitalize()) if title else outcome)
         column.label(text=next_step.find_next_step(scene))
         return
     text, below = job.shown

@@ -410,8 +410,17 @@ def find_a_setting() -> Waiting:
     yield from key("Return")
     yield 10 * TICK_S
     yield from screenshot("found_setting")
+    yield from write_text("0.35")
+    yield from screenshot("typed_setting")
+    yield from key("Return")
+    yield 5 * TICK_S
+    check(
+        abs(settings().rig.baseline_m - 0.35) < 1e-6, f"the baseline is {settings().rig.baseline_m} m after typing 0.35"
+    )
     yield from key("Escape")
     yield 5 * TICK_S
+    yield from key("ctrl+z")
+    yield from until(lambda: abs(settings().rig.baseline_m - 0.35) > 1e-6, "Undoing the typed value")
 
 
 def ground_from_an_object() -> Waiting:
@@ -941,10 +950,28 @@ def pair_on_the_screen() -> Waiting:
         check(apart < 0.03, f"what is seen differs from {view} by {apart:.3f} on average")
         differences.append(f"{view} {apart:.3f}")
     check(not show.find_image().is_dirty, "the image counts as changed by hand")
+    yield from undo_before_the_pair()
     yield from person.close_second_window("the Image Editor")
     yield from until(lambda: not bpy.app.timers.is_registered(show._show_other_eye), "The end of the flicker")
     yield from screenshot("pair_in_the_sidebar")
     return ", ".join(differences)
+
+
+def undo_before_the_pair() -> Waiting:
+    """Undo to before the pair was shown, and redo: the pair stays in its window."""
+    show, editor = module("operators.show_pair"), manager().windows[1].screen.areas[0]
+    with in_region("WINDOW"):
+        bpy.ops.ed.undo_push(message="Before")
+        for _ in range(4):
+            bpy.ops.ed.undo()
+    yield from until(lambda: editor.spaces.active.image is not None, "The pair after undo")
+    yield 5 * TICK_S
+    yield from screenshot("pair_after_undo")
+    check(editor.spaces.active.image == show.find_image(), "the window shows another image after undo")
+    with in_region("WINDOW"):
+        for _ in range(4):
+            bpy.ops.ed.redo()
+    yield from until(lambda: editor.spaces.active.image == show.find_image() is not None, "The pair after redo")
 
 
 def escape_twice() -> Waiting:
