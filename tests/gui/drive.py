@@ -1308,7 +1308,7 @@ def choose_by_picture() -> Waiting:
         point(x - 400, y - 180)  # some scene of the first row
         yield 5 * TICK_S
         xdotool("click", 1)
-        yield from until(lambda: now() != before and session().job is None, "Choosing a picture")
+        yield from until(lambda: now() != before and session().building is session().job is None, "Choosing a picture")
         chosen = now()
         check(built() and previewing(), "the chosen scene is not shown coarsely at once")
         covered = partial(session().picture.is_shown, window().scene)
