@@ -386,6 +386,9 @@ def find_a_setting() -> Waiting:
     """Words in the field at the top of the sidebar, and by F3 in a window of its own; a field is changed there."""
     yield from to(*middle("UI"))
     yield from scroll(-400)
+    before = settings().surface.albedo
+    settings().surface.albedo = 0.5 * before
+    take_a_step()
     yield from find_setting("icymoon_sought")
     xdotool("click", "--repeat", 2, "--delay", 60, 1)
     yield 6 * TICK_S
@@ -397,8 +400,12 @@ def find_a_setting() -> Waiting:
     yield from away()
     yield from screenshot("found")
     yield from find_setting("icymoon.surface.albedo")
-    manager().icymoon_sought = ""
+    yield from find_setting("icymoon_sought")
+    yield from key("BackSpace")
+    yield from until(lambda: not manager().icymoon_sought, "Clearing the word")
     yield from away()
+    yield from key("ctrl+z")
+    yield from until(lambda: abs(settings().surface.albedo - before) < 1e-6, "Undo of the step before the search")
     yield from key(F3)
     yield 20 * TICK_S
     yield from write_text("find setting")
