@@ -7,7 +7,7 @@ and of the scans, which the rows of disparity state.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..stereo.images.image_files import read_png
 from ..stereo.images.image_values import find_white, stretch_to_8_bit
 from ..stereo.images.masks import erode, sample_at_pixels
 from ..stereo.inference import typical_scene
-from ..stereo.matchers import match
+from ..stereo.matchers import check_options, match
 from ..stereo.matchers.methods import describe_method
 from ..stereo.matchers.search_range import AUTO, SearchRange, find_true_range
 from ..stereo.measure.metrics import find_wrong_share
@@ -29,7 +29,7 @@ from .polar.camera import Calibration
 from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
 from .polar.scene import Frame, Masks
 
-METHODS = ("bm", "sgbm")
+METHODS = ("bm", "sgbm", "sgbm_wls", "icynet")
 #: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
 _MAX_SHARE_DIFFERENCE = 0.1
 #: A pixel is judged if it is at least this many pixels inside an outline.
@@ -45,14 +45,15 @@ _WHY_NO_PHOTOGRAPHS = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
 def judge_stereo(
     terrain: Terrain, camera: Calibration, frames: Mapping[str, Frame], masks: Mapping[tuple[View, int], Masks]
 ) -> list[Row]:
-    """The rows of the matchers: mean shares of wrong or missing pixels, and the interval of the typical difference."""
+    """The rows of the matchers that can run here: mean shares of wrong or missing pixels, and the interval of the
+    typical difference."""
+    methods = [method for method in METHODS if _can_run(method)]
     shares = []
     for position, azimuth in sorted({(view.position, azimuth) for view, azimuth in terrain.images}):
         eyes = {eye: (View(position, eye), azimuth) for eye in EYES}
         if all(at in terrain.images and at in masks for at in eyes.values()):
-            found = _measure_shares(
-                terrain, camera, frames[position], {eye: masks[at] for eye, at in eyes.items()}, eyes
-            )
+            seen = {eye: masks[at] for eye, at in eyes.items()}
+            found = _measure_shares(methods, terrain, camera, frames[position], seen, eyes)
             shares += [found] if found is not None else []
     if not shares:
         nothing = float("nan")
@@ -66,15 +67,24 @@ def judge_stereo(
                 unjudged=_WHY_NO_PHOTOGRAPHS,
             )
         ]
-    return _make_share_rows(np.array(shares))
+    return _make_share_rows(methods, np.array(shares))
 
 
-def _make_share_rows(shares: Array) -> list[Row]:
+def _can_run(method: str) -> bool:
+    """Whether the libraries of a matcher are installed."""
+    try:
+        check_options(method, {})
+    except IcyMoonError:
+        return False
+    return True
+
+
+def _make_share_rows(methods: Sequence[str], shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
     count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {format_count(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
     rows = []
-    for k, method in enumerate(METHODS):
+    for k, method in enumerate(methods):
         name = f"{describe_method(method)} on {format_count(count, 'pair')}, wrong or missing on scanned rocks"
         photographed, twin = (float(each) for each in shares[:, :, k].mean(axis=0))
         farthest = max(family.low[k], family.high[k], key=abs)
@@ -95,6 +105,7 @@ def _make_share_rows(shares: Array) -> list[Row]:
 
 
 def _measure_shares(
+    methods: Sequence[str],
     terrain: Terrain,
     camera: Calibration,
     frame: Frame,
@@ -117,7 +128,7 @@ def _measure_shares(
     assert search is not None
     return np.array(
         [
-            [_find_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
+            [_find_wrong_share(method, pair, truth, judged, rig, search) for method in methods]
             for pair in (photographed, twin)
         ]
     )

@@ -38,8 +38,9 @@ def test_a_photograph_is_seen_as_our_rig_sees_it(known):
     assert rectify_photograph(frame, bent, "R", image).ravel()[inside] == pytest.approx(there[inside, 0], abs=0.05)
 
 
-def _judge(known, monkeypatch, pairs, spoiled):
+def _judge(known, monkeypatch, pairs, spoiled, methods=("bm", "sgbm")):
     """Rows of so many pairs with a texture at a constant disparity; photographs ``spoiled`` get noise instead."""
+    monkeypatch.setattr(polar_stereo, "METHODS", methods)
     folder, terrain, camera, frame = known
     rows, columns = frame.shape
     random, shift = np.random.default_rng(3), 24
@@ -62,7 +63,7 @@ def _judge(known, monkeypatch, pairs, spoiled):
 
 def test_twins_that_are_like_the_photographs_predict_their_errors(known, monkeypatch):
     found = _judge(known, monkeypatch, 8, 0)
-    assert len(found) == 2 * len(METHODS)
+    assert len(found) == 2 * 2
     assert [row.verdict for row in found] == [PASSES] * len(found)
     means = found[::2]
     assert all(row.ours == row.theirs for row in means)
@@ -77,8 +78,31 @@ def test_photographs_that_no_matcher_understands_are_not_predicted(known, monkey
 
 def test_few_pairs_have_no_interval(known, monkeypatch):
     found = _judge(known, monkeypatch, 2, 0)
-    assert [row.verdict for row in found] == [PASSES, NOT_JUDGED] * len(METHODS)
+    assert [row.verdict for row in found] == [PASSES, NOT_JUDGED] * 2
     assert "an interval takes 8 pairs, here are 2" in found[1].note
+
+
+def test_the_learned_matcher_and_the_filled_one_are_judged_too(known, monkeypatch):
+    pytest.importorskip("torch")
+    found = _judge(known, monkeypatch, 1, 0, METHODS)
+    assert [row.quantity.partition(" on 1 pair")[0] for row in found[::2]] == [
+        "StereoBM",
+        "SGBM",
+        "SGBM with WLS",
+        "icynet",
+    ]
+    assert all(0.0 <= row.ours == row.theirs < 0.3 for row in found[::2])
+
+
+def test_a_matcher_without_its_library_is_left_out(known, monkeypatch):
+    def refuse(method, options):
+        if method == "icynet":
+            raise IcyMoonError("no PyTorch")
+        return dict(options)
+
+    monkeypatch.setattr(polar_stereo, "check_options", refuse)
+    found = _judge(known, monkeypatch, 1, 0, ("icynet", "bm"))
+    assert [row.quantity.partition(" on 1 pair")[0] for row in found[::2]] == ["StereoBM"]
 
 
 def test_photographs_are_found_beside_the_labels_and_must_be_whole(known):
