@@ -1,0 +1,165 @@
+"""Photographs with a known disparity, made ready for ``evaluate``: from the samples that come with OpenCV.
+
+    python benchmarks photographs SAMPLES --out FOLDER
+    python -m icymoon evaluate FOLDER/aloe_2 --methods sgbm,icynet --out REPORT
+    python -m icymoon evaluate FOLDER/boards --methods sgbm:disparities=112,icynet:disparities=112 --out REPORT_2
+
+SAMPLES is ``/usr/share/doc/opencv-doc/examples/data`` with Debian's package ``opencv-doc``, or ``samples/data`` in the
+source of OpenCV. It has a plant, Aloe of Middlebury 2006, whose disparity was measured by structured light; and
+thirteen pairs of a chessboard in a room. The board is a plane, so its disparity is linear in the rectified image. A
+plane through the disparities of its 54 corners is the truth inside them; no matcher has a part in it. The board is
+nearer than ``evaluate`` searches for an unknown camera, so its matchers need a stated range.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from icymoon.support.arrays import Array
+from icymoon.support.files import write_text
+
+#: Sizes of Aloe, as parts of its width; its focal length in px and its baseline in m, as Middlebury states them.
+_ALOE_PARTS, _ALOE_FOCAL_PX, _ALOE_BASELINE_M = (2, 3), 3740.0, 0.16
+#: Columns and rows of the chessboard's inner corners. The side of a square is not stated; it scales depths only.
+_BOARD, _SQUARE_M = (9, 6), 0.025
+#: Size of the chessboard's pairs, as a part of their width: for their disparities, 50 to 102 px then, matchers need a
+#: range of 112 px in place of 208.
+_BOARD_PART = 2
+#: Half of the window in which a corner is refined, px.
+_CORNER_WINDOW_PX = (5, 5)
+#: Steps, and least change in px, of a corner's refinement; of a calibration's too.
+_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-5)
+
+
+class Rectified(NamedTuple):
+    """A calibrated rig: maps of both eyes for ``cv2.remap``, corners (pairs, 2, N, 2) of the boards in the rectified
+    images in px, focal length in px, and baseline in m."""
+
+    maps: list[tuple[Array, Array]]
+    corners: Array
+    focal_px: float
+    baseline_m: float
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("samples", type=Path, help="folder of OpenCV's sample images")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the data sets to write")
+
+
+def shrink(image: Array, part: int) -> Array:
+    """An image (H, W) at a ``part`` of its width and height, each pixel the mean of its part of the image."""
+    height, width = image.shape
+    return np.asarray(cv2.resize(image, (width // part, height // part), interpolation=cv2.INTER_AREA))
+
+
+def write_pair(folder: Path, name: str, eyes: Sequence[Array], disparity: Array) -> None:
+    """Write a left and a right image (H, W), uint8, and the disparity (H, W), px, NaN where it is unknown."""
+    for part, image in zip(("left", "right"), eyes, strict=True):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(folder / part / f"{name}.png"), image)
+    (folder / "disparity").mkdir(exist_ok=True)
+    np.save(folder / "disparity" / f"{name}.npy", disparity.astype(np.float32))
+
+
+def write_layout(folder: Path, focal_px: float, baseline_m: float) -> None:
+    """Write the file by which ``evaluate`` reads a folder of ``write_pair``."""
+    write_text(
+        folder / "pairs.toml",
+        '[images]\nleft = "left/{pair}.png"\nright = "right/{pair}.png"\n'
+        '[truth]\ndisparity = "disparity/{pair}.npy"\n'
+        f"[camera]\nfocal_px = {focal_px}\nbaseline_m = {baseline_m}\n",
+    )
+
+
+def write_aloe(samples: Path, part: int, folder: Path) -> None:
+    """Write Aloe at a ``part`` of its width. The truth is of the middle of each pixel: a mean of two depths is on
+    neither."""
+    truth = cv2.imread(str(samples / "aloeGT.png"), cv2.IMREAD_UNCHANGED).astype(np.float32)
+    eyes = [shrink(cv2.imread(str(samples / file), cv2.IMREAD_GRAYSCALE), part) for file in ("aloeL.jpg", "aloeR.jpg")]
+    middle = truth[part // 2 :: part, part // 2 :: part]
+    write_pair(folder, "aloe", eyes, middle[: eyes[0].shape[0], : eyes[0].shape[1]] / part)
+    write_layout(folder, _ALOE_FOCAL_PX / part, _ALOE_BASELINE_M)
+
+
+def find_corners(image: Array) -> Array:
+    """The inner corners (N, 2) of the board in an image, px."""
+    is_found, corners = cv2.findChessboardCorners(image, _BOARD)
+    assert is_found, "a sample shows no whole chessboard"
+    return np.asarray(cv2.cornerSubPix(image, corners, _CORNER_WINDOW_PX, (-1, -1), _STOP)).reshape(-1, 2)
+
+
+def calibrate(pairs: Sequence[Sequence[Array]]) -> Rectified:
+    """Calibrate the rig by its pairs of images of the board."""
+    found = [[find_corners(eye) for eye in pair] for pair in pairs]
+    board = np.zeros((np.prod(_BOARD), 3), np.float32)
+    board[:, :2] = _SQUARE_M * np.mgrid[: _BOARD[0], : _BOARD[1]].T.reshape(-1, 2)
+    seen, size = [board] * len(pairs), pairs[0][0].shape[::-1]
+    own = [cv2.calibrateCamera(seen, [pair[eye] for pair in found], size, None, None)[1:3] for eye in (0, 1)]
+    _, *cameras, turn, step, _, _ = cv2.stereoCalibrate(
+        seen, *([pair[eye] for pair in found] for eye in (0, 1)), *own[0], *own[1], size, criteria=_STOP
+    )
+    lenses = cameras[:2], cameras[2:]
+    rectified = cv2.stereoRectify(*lenses[0], *lenses[1], size, turn, step, alpha=0)
+    turns, views = rectified[:2], rectified[2:4]
+    maps = [
+        cv2.initUndistortRectifyMap(*lens, rotation, view[:, :3], size, cv2.CV_32FC1)
+        for lens, rotation, view in zip(lenses, turns, views, strict=True)
+    ]
+    corners = np.array(
+        [
+            [
+                cv2.undistortPoints(points[:, None], *lens, R=rotation, P=view)[:, 0]
+                for points, lens, rotation, view in zip(pair, lenses, turns, views, strict=True)
+            ]
+            for pair in found
+        ]
+    )
+    return Rectified(maps, corners, float(views[0][0, 0]), float(np.linalg.norm(step)))
+
+
+def fit_plane(left: Array, right: Array, shape: tuple[int, int]) -> tuple[Array, float]:
+    """The disparity of a plane (``shape``), px, by its corners (N, 2) in both rectified images; NaN outside them.
+
+    Second, the root mean square of the corners' distances from it, px.
+    """
+    place = np.column_stack((left, np.ones(len(left))))
+    disparity = left[:, 0] - right[:, 0]
+    plane, *_ = np.linalg.lstsq(place, disparity, rcond=None)
+    row, column = np.mgrid[: shape[0], : shape[1]]
+    inside = np.zeros(shape, np.uint8)
+    cv2.fillConvexPoly(inside, np.rint(cv2.convexHull(left.astype(np.float32))).astype(np.int32), 1)
+    found = plane[0] * column + plane[1] * row + plane[2]
+    return np.where(inside > 0, found, np.nan), float(np.sqrt(np.mean((place @ plane - disparity) ** 2)))
+
+
+def write_boards(samples: Path, folder: Path) -> Iterator[tuple[str, float]]:
+    """Write the pairs of the chessboard; yield each one's name, and how far its corners are from its plane, px."""
+    files = [(samples / f"left{k:02d}.jpg", samples / f"right{k:02d}.jpg") for k in range(1, 15)]
+    files = [pair for pair in files if all(file.exists() for file in pair)]
+    pairs = [[cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in pair] for pair in files]
+    rig = calibrate(pairs)
+    for (file, _), pair, (left, right) in zip(files, pairs, rig.corners, strict=True):
+        eyes = [
+            shrink(cv2.remap(eye, *maps, cv2.INTER_LINEAR), _BOARD_PART)
+            for eye, maps in zip(pair, rig.maps, strict=True)
+        ]
+        # The middle of the first pixel is at 0 in both sizes.
+        left, right = ((points + 0.5) / _BOARD_PART - 0.5 for points in (left, right))
+        disparity, error_px = fit_plane(left, right, eyes[0].shape)
+        write_pair(folder, file.stem, eyes, disparity)
+        yield file.stem, error_px
+    write_layout(folder, rig.focal_px / _BOARD_PART, rig.baseline_m)
+
+
+def main(options: argparse.Namespace) -> None:
+    """Write the data sets, and print how exact the truth of the boards is."""
+    for part in _ALOE_PARTS:
+        write_aloe(options.samples, part, options.out / f"aloe_{part}")
+    errors = dict(write_boards(options.samples, options.out / "boards"))
+    print(f"boards: {len(errors)} pairs, corners off their plane by {min(errors.values()):.2f} to", end=" ")
+    print(f"{max(errors.values()):.2f} px (root mean square)")
