@@ -1375,7 +1375,7 @@ def render_in_a_local_view() -> Waiting:
     settings().terrain.hurst += 0.01
     with in_region("WINDOW"):
         bpy.ops.icymoon.render_pair("INVOKE_DEFAULT")
-    check(space.camera == bpy.data.objects["Icy Moon Camera"], f"the view looks through {space.camera}")
+    yield from until(lambda: space.camera == bpy.data.objects.get("Icy Moon Camera"), "Looking through its camera")
     yield from away()
     yield from key("Escape")
     yield from ended()
