@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+import time
+
 import bpy
 import pytest
 from icymoon.nodes import build_scene as scenes
@@ -10,10 +13,12 @@ from icymoon.nodes.datablocks.fingerprint import read_marks, read_marks_in_steps
 from icymoon.operators import refine_ground, render
 from icymoon.operators.session import session
 from icymoon.operators.settled_steps import settle
+from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import Steps, finish
 from pieces import count_pauses, stop_after, walk
+from thread_asks import list_asks_of_threads
 
 
 def test_a_change_at_any_pause_begins_the_reading_anew():
@@ -79,19 +84,40 @@ def test_marks_in_steps_are_those_at_once(built):
     assert walk(built.find_extra(), lambda: None) == built.extra != ""
 
 
-def test_a_piece_of_the_marks_reads_one_array_of_the_ground(built, monkeypatch):
+def test_a_piece_of_the_marks_reads_one_array_of_a_mesh(built, monkeypatch):
     """A piece holds the window for the time that it takes to copy and hash what it reads."""
     reads, read_one = [0], array_marks.read_property
 
     def note(items, *arguments, **options):
         found = read_one(items, *arguments, **options)
-        reads[-1] += items.id_data == built.terrain.data and found.dtype != bool
+        reads[-1] += found.dtype != bool
         return found
 
     monkeypatch.setattr(array_marks, "read_property", note)
     walk(read_marks_in_steps(built.collection), lambda: reads.append(0))
     assert max(reads) == 1
     assert sum(reads) >= 3
+
+
+def test_threads_hash_large_arrays_and_ask_blender_nothing(built, monkeypatch):
+    at_once, hash_one = read_marks(built.collection), array_marks.mark_array
+    threads: list[bool] = []
+
+    def note(values, indices=False):
+        if values.nbytes:
+            threads.append(threading.current_thread() is not threading.main_thread())
+        return hash_one(values, indices)
+
+    monkeypatch.setattr(array_marks, "mark_array", note)
+    monkeypatch.setattr(array_marks, "_LARGE_BYTES", 0)
+    asked = list_asks_of_threads(monkeypatch)
+    work = WorkInPieces(read_marks_in_steps(built.collection), "the marks")
+    while not (messages := work.poll()):
+        time.sleep(0.001)
+    assert messages[0]["value"] == at_once
+    assert all(threads)
+    assert len(threads) > 10
+    assert asked == []
 
 
 def test_an_edit_between_two_pieces_is_in_the_plan_of_pairs(built):
