@@ -4,12 +4,18 @@ The event loop calls a timer in each of its turns. Between two calls the process
 what the turn took, whatever else the machine does. It has two parts: that of the extension (its operators, timers,
 listeners and panels), and the remainder, which is Blender's: drawing, evaluating the scene, steps of undo. Without a
 graphics card drawing takes most of a turn.
+
+With ICYMOON_LATE_PROFILE in the environment, late.json also names the functions that took longest in the longest turn
+of each action. To watch all functions makes each turn longer.
 """
 
 from __future__ import annotations
 
+import cProfile
 import functools
 import json
+import os
+import pstats
 import sys
 import threading
 import time
@@ -23,6 +29,8 @@ from person import ADD_ON
 #: A turn in which the extension works longer is late.
 LATE_S = 0.1
 _TICK_S = 0.002
+#: Least time of a function that the profile of a turn names, ms.
+_PROFILED_MS = 5.0
 #: Methods of operators and panels that Blender calls.
 _METHODS = ("invoke", "execute", "modal", "draw", "draw_header", "draw_header_preset", "cancel")
 #: Functions that the extension gives to timers, by their modules.
@@ -43,6 +51,7 @@ class Lateness:
         self._depth = 0
         self._longest_call = ("", 0.0)
         self._since_s = time.thread_time()
+        self._profile = cProfile.Profile(time.thread_time) if "ICYMOON_LATE_PROFILE" in os.environ else None
 
     def start(self) -> None:
         """Watch the extension, and count from now on."""
@@ -78,6 +87,8 @@ class Lateness:
                 return function(*words, **options)
             self._depth, began = 1, time.thread_time()
             try:
+                if self._profile is not None:
+                    return self._profile.runcall(function, *words, **options)
                 return function(*words, **options)
             finally:
                 took = time.thread_time() - began
@@ -94,6 +105,7 @@ class Lateness:
         now = time.thread_time()
         whole_s, ours_s, call = now - self._since_s, self._ours_s, self._longest_call
         self._since_s, self._ours_s, self._longest_call = now, 0.0, ("", 0.0)
+        functions = _list_functions(self._profile)
         if not self.action:
             return
         row = self.rows.setdefault(
@@ -107,6 +119,7 @@ class Lateness:
         row["whole_s"] = max(row["whole_s"], whole_s)
         if ours_s > row["longest_s"]:
             row["longest_s"], row["in"] = ours_s, call[0]
+            row |= {"functions": functions} if functions else {}
 
     def write(self, path: Path) -> None:
         """Write the table as JSON."""
@@ -120,6 +133,18 @@ class Lateness:
             f"{1e3 * row['whole_s']:.0f} ms"
             for action, row in self.rows.items()
         )
+
+
+def _list_functions(profile: cProfile.Profile | None) -> list[str]:
+    """The functions of a turn that took longest with those that they called, ms; the profile begins anew."""
+    if profile is None or not profile.getstats():
+        return []
+    found = pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
+    profile.clear()
+    took = sorted(
+        ((1e3 * each[3], f"{Path(file).name}:{line} {name}") for (file, line, name), each in found), reverse=True
+    )
+    return [f"{ms:.0f} {name}" for ms, name in took if ms >= _PROFILED_MS]
 
 
 def _as_method(function: Callable[..., Any], name: str) -> Callable[..., Any]:
