@@ -18,7 +18,7 @@ from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.scene_objects import MadeObjects
-from ..nodes.stored_build import read_build
+from ..nodes.stored_build import read_build_in_steps
 from ..render.workers.job_commands import Job as JobFiles
 from ..render.workers.job_commands import blender_command
 from ..settings import rebuilt_parts
@@ -142,7 +142,7 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     """
     if job.failure:
         raise IcyMoonError(job.failure)
-    made = read_build(Path(job.result["scene"]))
+    made = yield from read_build_in_steps(Path(job.result["scene"]))
     made.keep_sky(True)  # the live preview removes worlds without users
     try:
         yield None

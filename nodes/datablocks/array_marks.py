@@ -12,11 +12,11 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
 from ...support.steps import Steps, finish
-from .mesh_arrays import read_property
+from .mesh_arrays import LARGE_BYTES, get_memory, read_property
 
 _BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
-_READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
+READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
     "FLOAT": (np.float32, "value", 1),
     "INT": (np.int32, "value", 1),
     "BOOLEAN": (np.bool_, "value", 1),
@@ -48,8 +48,6 @@ _LEFT_OUT = (
     ".corner_edge",
 )
 _INDEX_ATTRIBUTES = (".corner_vert", ".edge_verts")
-#: Size of arrays above which a thread hashes them: to hash the corners of three million triangles takes 0.05 s.
-_LARGE_BYTES = 2**20
 
 
 @lru_cache(maxsize=1)
@@ -84,16 +82,15 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
 
 
 def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]]:
-    """As ``list_attribute_marks``, one attribute in each step; any thread may hash the large arrays."""
+    """As ``list_attribute_marks``, one attribute in each step; any thread may prepare and hash the large arrays."""
     found = []
     for name in geometry.attributes.keys():  # noqa: SIM118 - the attributes may move in memory during a pause
         attribute = geometry.attributes.get(name)
         if attribute is None or name.startswith(_LEFT_OUT) or not len(attribute.data):
             continue
         kind, domain = attribute.data_type, attribute.domain
-        if kind in _READERS_BY_TYPE:
-            dtype, key, width = _READERS_BY_TYPE[kind]
-            values = read_property(attribute.data, key, dtype, width)
+        if kind in READERS_BY_TYPE:
+            values = yield from _read_in_steps(geometry, name)
             if (kind == "BOOLEAN" or name == "material_index") and not values.any():
                 continue
             marked = yield from _mark_in_steps(values, name in _INDEX_ATTRIBUTES)
@@ -104,9 +101,21 @@ def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]
     return sorted(found)
 
 
+def _read_in_steps(geometry: bpy.types.ID, name: str) -> Steps[Array]:
+    """The values of an attribute of a known type; empty if it was removed meanwhile."""
+    attribute = geometry.attributes[name]
+    kind = attribute.data_type
+    dtype, key, width = READERS_BY_TYPE[kind]
+    memory = yield from get_memory(len(attribute.data) * width, dtype)
+    attribute = geometry.attributes.get(name)
+    if attribute is None or attribute.data_type != kind:
+        return memory[:0]
+    return read_property(attribute.data, key, dtype, width, memory)
+
+
 def _mark_in_steps(values: Array, indices: bool = False) -> Steps[str]:
     """As ``mark_array``; any thread may hash a large array."""
-    if values.nbytes <= _LARGE_BYTES:
+    if values.nbytes <= LARGE_BYTES:
         return mark_array(values, indices)
     found: str = yield partial(mark_array, values, indices)
     return found

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import bpy
 import pytest
+from built_scenes import everything
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.nodes.stored_build import read_build, write_build
+from icymoon.nodes.stored_build import read_build, read_build_in_steps, write_build
 from icymoon.operators import refine_ground
 from icymoon.render.build_worker import write_scene
 from icymoon.settings.description import defaults, merged
+from pieces import count_pauses, stop_after, walk
 
 KINDS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "collections", "worlds", "images")
 
@@ -64,6 +66,29 @@ def test_a_scene_from_a_file_is_as_if_built_here(scene, tmp_path, more):
         again = scenes.build_scene(scene, settings, take_over=partial(read_build, path))  # over the first
         assert again.terrain == taken.terrain
         assert describe(again) == expected
+
+
+def test_blender_reads_a_ground_without_edges_at_once(scene, tmp_path):
+    """A piece holds the window for the time that Blender takes to read the file, and edges are half of a mesh."""
+    path, settings = tmp_path / "built.blend", make_settings({"terrain": {"resolution": 129}})
+    write_build(scenes.build_scene(scene, settings), path)
+    scenes.clear_scene(scene)
+    edges: list[int] = []
+
+    def note() -> None:
+        ground = next(mesh for mesh in bpy.data.meshes if "Terrain" in mesh.name)
+        edges.append(len(ground.edges))
+
+    made = walk(read_build_in_steps(path), note)
+    assert edges[0] == 0
+    assert edges[-1] == 2 * 129 * 128
+    made.remove()
+    count, made = count_pauses(read_build_in_steps(path))
+    made.remove()
+    before = everything()
+    for pauses in range(1, count + 1):
+        stop_after(read_build_in_steps(path), pauses)
+        assert everything() == before
 
 
 def test_an_edit_of_a_scene_from_a_file_is_found(scene, tmp_path):

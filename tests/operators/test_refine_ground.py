@@ -8,11 +8,11 @@ from itertools import count
 import bpy
 import numpy as np
 import pytest
+from built_beside import build_beside
 from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.nodes.stored_build import write_build
 from icymoon.operators import jobs, live_preview, refine_ground, view_exposure, work_in_pieces
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.session import session
@@ -23,17 +23,6 @@ from icymoon.settings.blender import scene_properties
 from stand_ins import stand_in
 
 RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
-
-
-def build_beside(settings, path) -> jobs.Job:
-    """Build a scene as another Blender does, but in this process, where each test would wait for a start of Blender."""
-    elsewhere = bpy.data.scenes.new("Elsewhere")
-    write_build(scenes.build_scene(elsewhere, settings), path)
-    scenes.clear_scene(elsewhere)
-    bpy.data.scenes.remove(elsewhere)
-    messages = [{"type": "done", "scene": str(path)}]
-    process = stand_in(cancelled=False, left=False, running=False, poll=lambda: [*messages], stop=lambda: None)
-    return jobs.Job("Fine Ground", process)
 
 
 @pytest.fixture
@@ -283,9 +272,17 @@ def test_the_fine_scene_comes_in_pieces_and_shows_at_the_last(built_elsewhere):
     assert is_as_built_at_once(built)
 
 
+def read_fine() -> None:
+    """Run pieces until objects of the fine scene are there, which a thread prepares."""
+    before = everything()
+    while everything() == before:
+        refine_ground._refine_next()
+        time.sleep(0.001)
+
+
 def test_an_edit_between_two_pieces_stays(built_elsewhere):
     before = everything()
-    refine_ground._refine_next()
+    read_fine()
     refine_ground._refine_next()  # it was unedited
     terrain = scenes.find_built(built_elsewhere).terrain
     terrain.location.z += 1.0
@@ -299,7 +296,7 @@ def test_an_edit_between_two_pieces_stays(built_elsewhere):
 
 
 def test_a_slider_of_the_sun_between_two_pieces_is_in_the_fine_scene(built_elsewhere):
-    refine_ground._refine_next()
+    read_fine()
     built_elsewhere.icymoon.light.sun_elevation_deg = 41.0
     live_preview.update_scene(built_elsewhere)
     built = look()
@@ -311,8 +308,7 @@ def test_a_slider_of_the_sun_between_two_pieces_is_in_the_fine_scene(built_elsew
 @pytest.mark.parametrize("event", ["undo", "new ground", "delete"])
 def test_nothing_of_the_fine_scene_is_left_if_it_is_not_wanted_any_more(built_elsewhere, event):
     before, scene = everything(), built_elsewhere
-    refine_ground._refine_next()
-    assert everything() != before
+    read_fine()
     if event == "undo":
         refine_ground._stop_placing()
     elif event == "new ground":

@@ -109,7 +109,7 @@ def test_threads_hash_large_arrays_and_ask_blender_nothing(built, monkeypatch):
         return hash_one(values, indices)
 
     monkeypatch.setattr(array_marks, "mark_array", note)
-    monkeypatch.setattr(array_marks, "_LARGE_BYTES", 0)
+    monkeypatch.setattr(array_marks, "LARGE_BYTES", 0)
     asked = list_asks_of_threads(monkeypatch)
     work = WorkInPieces(read_marks_in_steps(built.collection), "the marks")
     while not (messages := work.poll()):
