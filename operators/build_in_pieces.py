@@ -1,19 +1,24 @@
-"""Builds a scene with coarse ground without holding the window.
+"""Builds a scene without holding the window: with coarse ground, or in full if its ground is from a file.
 
-A thread computes the ground and the places of its rocks. The other work needs Blender and is cut into pieces, few of
-which run in each turn of the event loop. They make objects outside all scenes, and the last piece puts these into the
-scene. If the build stops before, the scene and the file are as they were.
+A thread computes the coarse ground and the places of its rocks. The other work needs Blender and is cut into pieces,
+few of which run in each turn of the event loop. Another Blender builds a scene whose ground is from a file, since
+Blender reads meshes in one call, and what it made is read in pieces. The pieces make objects outside all scenes, and
+the last piece puts these into the scene. If the build stops before, the scene and the file are as they were.
 """
 
 from __future__ import annotations
 
+import time
 from functools import partial
+from pathlib import Path
 
 import bpy
 
 from ..nodes import build_scene as scenes
 from ..nodes import preview
+from ..nodes.ground.user_ground import is_from_file
 from ..nodes.scene_objects import MadeObjects
+from ..nodes.stored_build import read_build_in_steps
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -21,7 +26,7 @@ from ..support.steps import Steps
 from . import live_preview, refine_ground
 from .build import build_and_show, leave_edit_mode, report_sentences
 from .job_operators import KeyStoppedOperator
-from .jobs import Job
+from .jobs import INTERVAL_S, Job
 from .session import session
 from .window_areas import find_scene, redo
 from .window_events import call_later, make_registration
@@ -29,7 +34,8 @@ from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 
 def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str, str]]]:
-    """Build the scene with this ``session_uid`` in steps, with coarse ground, and show it. Returns sentences to report.
+    """Build the scene with this ``session_uid`` in steps, and show it. Procedural ground is coarse. Returns sentences
+    to report.
 
     Raises IcyMoonError, without changing the scene, as ``preview.build_coarse`` does and if the scene or what was made
     for it is gone.
@@ -39,12 +45,12 @@ def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str,
 
 
 def make_for_scene(scene_uid: int, settings: Settings) -> Steps[tuple[bpy.types.Scene, MadeObjects]]:
-    """Make a scene with coarse ground in steps, for the scene with this ``session_uid``, which is returned too.
+    """Make the objects of a scene in steps, for the scene with this ``session_uid``, which is returned too.
 
     Raises IcyMoonError as ``build_in_pieces`` does.
     """
     try:
-        made = yield from preview.make_coarse(settings)
+        made = yield from (_build_elsewhere(settings) if is_from_file(settings) else preview.make_coarse(settings))
     except ReferenceError:
         raise IcyMoonError("Parts of the new scene were removed while it was built; press Build Scene again.") from None
     scene = find_scene(scene_uid)
@@ -54,9 +60,23 @@ def make_for_scene(scene_uid: int, settings: Settings) -> Steps[tuple[bpy.types.
     return scene, made
 
 
+def _build_elsewhere(settings: Settings) -> Steps[MadeObjects]:
+    """Let another Blender build a scene in full, and read its objects in steps. Raises IcyMoonError if it cannot."""
+    job = refine_ground.start_building(settings)
+    try:
+        while job.poll():
+            yield partial(time.sleep, INTERVAL_S)
+        if job.failure:
+            raise IcyMoonError(job.failure)
+        return (yield from read_build_in_steps(Path(job.result["scene"])))
+    finally:
+        job.close()
+
+
 def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> scenes.Built:
     """Put what was made into a scene, and let settings follow that were changed meanwhile."""
-    built = preview.put_coarse_in_scene(scene, settings, made)
+    put = scenes.put_in_scene if is_from_file(settings) else preview.put_coarse_in_scene
+    built = put(scene, settings, made)
     if bpy.context.scene == scene:
         leave_edit_mode()  # of an object of the user's, since the view will show the scene
     if scene_properties.read_unchecked(scene.icymoon) != settings:
@@ -66,7 +86,7 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
 
 
 class PiecewiseBuildOperator(KeyStoppedOperator):
-    """Mix-in: an operator that builds the scene with coarse ground in pieces. Blender adds one undo step at the end.
+    """Mix-in: an operator that builds the scene in pieces. Blender adds one undo step at the end.
 
     Esc and Ctrl Z stop the build, and the operator then takes back what it has changed before.
     """
@@ -79,12 +99,15 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
         """Start to build the scene of the window. Raises IcyMoonError if nothing can be built in it."""
         session.stop_building()
         leave_edit_mode()
-        settings = scene_properties.read_settings(context.scene.icymoon)
         scenes.refuse_place(context.scene)
         self._scene_uid = context.scene.session_uid
-        work = WorkInPieces(build_in_pieces(self._scene_uid, settings), "the ground")
+        work = WorkInPieces(self.make_steps(context), "the ground")
         session.building = Job("Build Scene", work, if_stopped="the scene is as before")
         return session.building
+
+    def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
+        """The build, in steps that return sentences to report. Raises IcyMoonError if the settings are invalid."""
+        return build_in_pieces(self._scene_uid, scene_properties.read_settings(context.scene.icymoon))
 
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Set the settings of the scene back to those before the operator."""

@@ -1,7 +1,7 @@
 """Build Scene and Clear Scene.
 
-In a window Build Scene shows the scene coarsely (``build_in_pieces``), and its ground at full resolution follows
-(``refine_ground``).
+In a window Build Scene builds in pieces (``build_in_pieces``): procedural ground is coarse at first, and its ground at
+full resolution follows (``refine_ground``).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import build_scene as scenes
-from ..nodes.ground.user_ground import is_from_file, warn_of_cost
+from ..nodes.ground.user_ground import warn_of_cost
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
@@ -29,6 +29,7 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
     bl_label = "Build Scene"
     bl_options = {"REGISTER", "UNDO"}
 
+    _asked = False  # the user is asked whether to load a large mesh
     _azimuth_deg: float | None = None  # of the Sun, if the operator has rotated it
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -38,6 +39,7 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
         except IcyMoonError as error:
             return self.fail(error)
         if warnings and not bpy.app.background:
+            self._asked = True
             return set(
                 context.window_manager.invoke_confirm(
                     self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
@@ -46,7 +48,7 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
         if light_untouched_scene(context.scene):
             self._azimuth_deg = settings.light.sun_azimuth_deg
             self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
-        if not bpy.app.background and not is_from_file(settings):
+        if not bpy.app.background:
             return super().invoke(context, event)
         result = build_and_report(self, context, coarse=True)
         refine_ground.start_refining()
@@ -58,7 +60,10 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
             scene.icymoon.light.sun_azimuth_deg = self._azimuth_deg
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene in full, as scripts expect."""
+        """Build the scene in full, as scripts expect; after a question to the user in pieces."""
+        if self._asked:
+            self._asked = False
+            return super().invoke(context, None)
         return build_and_report(self, context)
 
 

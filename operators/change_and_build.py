@@ -20,13 +20,13 @@ class ChangeAndBuildOperator(PiecewiseBuildOperator):
     _scene_uid = 0
     _before: Mapping[str, Mapping[str, Any]] | None = None  # the changed topics, once the operator has changed them
 
-    def change_settings(self, context: bpy.types.Context, changes: Mapping[str, Mapping[str, Any]]) -> None:
+    def change_settings(self, scene: bpy.types.Scene, changes: Mapping[str, Mapping[str, Any]]) -> None:
         """Change settings of the scene. The live preview leaves it to the build to show them."""
-        before = scene_properties.read_unchecked(context.scene.icymoon)
-        self._scene_uid = context.scene.session_uid
+        before = scene_properties.read_unchecked(scene.icymoon)
+        self._scene_uid = scene.session_uid
         self._before = {topic: before[topic] for topic in changes}
         with leave_to_build():
-            scene_properties.write_settings(context.scene.icymoon, changes)
+            scene_properties.write_settings(scene.icymoon, changes)
 
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Give the scene back its settings from before the operator."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,14 @@ from ..nodes import build_scene as scenes
 from ..nodes.ground import user_ground as grounds
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps, finish
 from . import dialogs
 from .build import build_and_report
-from .sidebar_text import format_for_window, replace_keys_by_labels
+from .build_in_pieces import build_in_pieces
+from .change_and_build import ChangeAndBuildOperator
+from .job_operators import WatchingOperator
+from .render import require_scene
+from .sidebar_text import replace_keys_by_labels
 
 
 def list_report_lines(scene: bpy.types.Scene) -> list[str]:
@@ -25,33 +30,53 @@ def list_report_lines(scene: bpy.types.Scene) -> list[str]:
     return [replace_keys_by_labels(text) for text in found]
 
 
-def build_on_source(
-    operator: bpy.types.Operator, context: bpy.types.Context, make_source: Callable[[], Mapping[str, Any]]
-) -> set[str]:
-    """Build the scene on the ground of these ``source`` settings, and return the result of the operator.
+class GroundOperator(ChangeAndBuildOperator):
+    """Mix-in: an operator that builds the scene on a ground from a file. In a window it builds in pieces.
 
-    An error, including an IcyMoonError of ``make_source``, is reported, and the settings stay as before. Before a mesh
-    that takes long is loaded, the user is asked.
+    Before a mesh that takes long is loaded, the user is asked. If that fails, the settings stay as before.
     """
-    group = context.scene.icymoon
-    before = scene_properties.read_unchecked(group).source
-    try:
-        scene_properties.write_settings(group, {"source": make_source()})
-        warnings = grounds.warn_of_cost(scene_properties.read_settings(group))
-    except IcyMoonError as error:
-        scene_properties.write_settings(group, {"source": before})
-        operator.report({"ERROR"}, format_for_window(error))
-        return {"CANCELLED"}
-    if warnings and not bpy.app.background:
-        bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first
-        return {"FINISHED"}
-    result = build_and_report(operator, context)
-    if result == {"CANCELLED"}:
-        scene_properties.write_settings(group, {"source": before})
-    return result
+
+    _asks_user = False
+
+    def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
+        """The ``source`` settings of the ground, in steps. Raises IcyMoonError if it cannot be one."""
+        raise NotImplementedError
+
+    def build_at_once(self, context: bpy.types.Context) -> set[str]:
+        """Build the scene in full, as scripts expect."""
+        try:
+            self.change_settings(context.scene, {"source": finish(self.make_source(context))})
+            grounds.warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
+        except IcyMoonError as error:
+            return self.fail(error)
+        result = build_and_report(self, context)
+        if result == {"CANCELLED"}:
+            self.take_back(context.scene)
+        return result
+
+    def begin_to_build(self, context: bpy.types.Context) -> set[str]:
+        """Build the scene in pieces."""
+        return WatchingOperator.invoke(self, context, None)
+
+    def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
+        """The making of the ground and the build, in steps."""
+        source = yield from self.make_source(context)
+        scene = require_scene(self._scene_uid)
+        self.change_settings(scene, {"source": source})
+        settings = scene_properties.read_settings(scene.icymoon)
+        self._asks_user = bool(grounds.warn_of_cost(settings))
+        if self._asks_user:
+            return []
+        return (yield from build_in_pieces(self._scene_uid, settings))
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        """Report what was built, or ask the user whether to load a large mesh."""
+        super().report_success(context)
+        if self._asks_user:
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")
 
 
-class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
+class ICYMOON_OT_import_ground(GroundOperator, dialogs.FileDialog, bpy.types.Operator):
     """Build the scene on your own ground: a mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG)"""  # noqa: E501
 
     bl_idname = "icymoon.import_ground"
@@ -63,9 +88,22 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
         default=";".join(f"*{suffix}" for suffix in (*grounds.SUFFIXES, *gdal_lines.SUFFIXES)), options={"HIDDEN"}
     )
 
+    _chooses = False
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Let the user choose the file."""
+        self._chooses = not bpy.app.background
+        return dialogs.FileDialog.invoke(self, context, event)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called with the chosen file. *Adjust Last Operation* and scripts call this too, and build at once."""
+        chosen, self._chooses = self._chooses, False
+        return self.begin_to_build(context) if chosen else self.build_at_once(context)
+
+    def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
+        yield None
         path = Path(bpy.path.abspath(self.filepath))
-        return build_on_source(self, context, lambda: {"kind": grounds.find_kind(path), "file": str(path)})
+        return {"kind": grounds.find_kind(path), "file": str(path)}
 
 
 CLASSES = (ICYMOON_OT_import_ground,)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ import bpy
 from ..formats.ply import encode_triangles
 from ..library.inputs import Input
 from ..nodes import build_scene as scenes
-from ..nodes.ground.object_mesh import find_metres_per_unit, read_object_mesh
+from ..nodes.ground.object_mesh import find_metres_per_unit, join_meshes, read_placed_meshes
 from ..settings.blender import scene_properties
 from ..support.arrays import Array
 from ..support.printer import show_controls
+from ..support.steps import Steps, finish
 from .build import leave_edit_mode
-from .import_ground import build_on_source
+from .import_ground import GroundOperator
 from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
 
@@ -53,37 +54,52 @@ class SelectedMeshOperator(ExplainedOperator):
         return why_not_usable(context)
 
     def keep_mesh(self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str) -> Path:
-        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content.
+        """As ``keep_mesh_in_steps``, at once."""
+        return finish(self.keep_mesh_in_steps(context, setting, suffix, encode, told))
+
+    def keep_mesh_in_steps(
+        self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str
+    ) -> Steps[Path]:
+        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content, in
+        steps. Any thread may call ``encode``.
 
         Reports the path, followed by the text ``told``, and returns the path.
         """
         leave_edit_mode()  # or the mesh would lack the last edits
         item, scene = context.active_object, context.scene
+        name, unit_m = item.name, find_metres_per_unit(scene)
         dataset = find_dataset_folder(scene_properties.read_settings(scene.icymoon))
-        mesh = read_object_mesh(item, scene, context.evaluated_depsgraph_get())
-        path = Input(setting, encode(*mesh), suffix, item.name).store(dataset)
-        self.report({"INFO"}, show_controls(f"{item.name} is kept as {path}{told}"))
+        parts = read_placed_meshes(item, context.evaluated_depsgraph_get())
+
+        def store() -> Path:
+            return Input(setting, encode(*join_meshes(parts, unit_m, name)), suffix, name).store(dataset)
+
+        path: Path = yield store
+        self.report({"INFO"}, show_controls(f"{name} is kept as {path}{told}"))
         return path
 
 
-class ICYMOON_OT_object_as_ground(SelectedMeshOperator, bpy.types.Operator):
+class ICYMOON_OT_object_as_ground(SelectedMeshOperator, GroundOperator, bpy.types.Operator):
     """Build the scene on the active mesh object, with its modifiers, where it is. A copy is kept in the data set folder, so later changes of the object do not count"""  # noqa: E501
 
     bl_idname = "icymoon.object_as_ground"
     bl_label = "Use Selected Object as Ground"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return build_on_source(self, context, lambda: self._make_settings(context))
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return self.execute(context) if bpy.app.background else self.begin_to_build(context)
 
-    def _make_settings(self, context: bpy.types.Context) -> dict[str, Any]:
-        scene = context.scene
-        unit_m = find_metres_per_unit(scene)
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self.build_at_once(context)
+
+    def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
+        unit_m, folder = find_metres_per_unit(context.scene), context.scene.icymoon.dataset.folder
         told = "" if unit_m == 1.0 else f"; a unit of this scene is {unit_m:g} m"
-        path = self.keep_mesh(context, "source.file", ".ply", partial(encode_triangles, ("x", "y", "z")), told)
+        encode = partial(encode_triangles, ("x", "y", "z"))
+        path = yield from self.keep_mesh_in_steps(context, "source.file", ".ply", encode, told)
         return {
             "kind": "MESH",
-            "file": shorten_path(path, scene.icymoon.dataset.folder),
+            "file": shorten_path(path, folder),
             "scale": 1.0,
             "up_axis": "Z",
             "centre": False,

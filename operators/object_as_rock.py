@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..nodes.ground.user_ground import is_from_file
 from ..physics.rocks.own_rock import OWN, read_proportions
 from ..settings.table import TOPICS
 from ..support.arrays import Array
@@ -35,7 +34,7 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build the scene in full, as scripts expect."""
         try:
-            self.change_settings(context, {"rocks": self._make_settings(context)})
+            self.change_settings(context.scene, {"rocks": self._make_settings(context)})
         except IcyMoonError as error:
             return self.fail(error)
         result = build_and_report(self, context)
@@ -43,15 +42,10 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
             self.take_back(context.scene)
         return result
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Build the scene with coarse ground in pieces, unless its ground is from a file."""
-        whole = is_from_file(context.scene.icymoon)
-        return self.execute(context) if whole else super().invoke(context, event)
-
     def start(self, context: bpy.types.Context) -> Job:
         """Start to build the scene with these rocks. Raises IcyMoonError if the object cannot be a rock or nothing can
         be built."""
-        self.change_settings(context, {"rocks": self._make_settings(context)})
+        self.change_settings(context.scene, {"rocks": self._make_settings(context)})
         return super().start(context)
 
     def _make_settings(self, context: bpy.types.Context) -> dict[str, Any]:

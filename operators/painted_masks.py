@@ -13,7 +13,6 @@ from ..library.inputs import Input
 from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import find_used_files
 from ..nodes.ground import mask_sheet
-from ..nodes.ground.user_ground import is_from_file
 from ..physics.rocks.painted_mask import MASK_SETTINGS, read_mask
 from ..settings.blender import scene_properties
 from ..settings.description import merged
@@ -92,7 +91,7 @@ class _MaskOperator(ChangeAndBuildOperator):
 
     def _change(self, context: bpy.types.Context, changes: Mapping[str, Mapping[str, Any]]) -> set[str]:
         """Change settings, and build the scene with them."""
-        self.change_settings(context, changes)
+        self.change_settings(context.scene, changes)
         return self._build(context)
 
     def _use(self, context: bpy.types.Context, shares: Array, text: str) -> set[str]:
@@ -115,7 +114,7 @@ class _MaskOperator(ChangeAndBuildOperator):
         """Build the scene; in a window with coarse ground, and its ground at full resolution follows."""
         coarse = not bpy.app.background
         at_once = not coarse or self.options.is_repeat
-        if not at_once and not is_from_file(context.scene.icymoon):
+        if not at_once:
             return WatchingOperator.invoke(self, context, None)
         result = build_and_report(self, context, coarse)
         if result == {"CANCELLED"}:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import addon_utils
 import bpy
@@ -23,6 +24,7 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ...support.system import bound_memory_and_time
+from ..datablocks.mesh_arrays import read_property
 
 #: Maximum number of triangles of a ground, with all copies of its meshes.
 MAX_TRIANGLES = 50_000_000
@@ -144,21 +146,38 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: Array) -> Array | None:
     return values.reshape(-1, 2)[loops]
 
 
-def read_placed_triangles(instance: bpy.types.DepsgraphObjectInstance) -> tuple[Array, Array, Array]:
-    """Vertices (n, 3) float64 of an instance of a mesh in world coordinates, and the vertices and corners (m, 3) int32
-    of its triangles. A mirrored instance shows its other side, so its triangles are turned."""
-    mesh, matrix = instance.object.data, np.array(instance.matrix_world, np.float64)
-    points = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", points)
-    mesh.calc_loop_triangles()
-    corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
-    mesh.loop_triangles.foreach_get("vertices", corners)
-    triangles, loops = corners.reshape(-1, 3), np.empty_like(corners)
-    mesh.loop_triangles.foreach_get("loops", loops)
-    loops = loops.reshape(-1, 3)
-    if np.linalg.det(matrix[:3, :3]) < 0:
-        triangles, loops = triangles[:, ::-1], loops[:, ::-1]
-    return points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3], triangles, loops
+@dataclass(frozen=True)
+class PlacedMesh:
+    """The arrays of an instance of a mesh: positions (n, 3) float32 in its coordinates, the vertices and the corners of
+    its triangles (m, 3) int32, and its matrix (4, 4) to the world."""
+
+    positions: Array
+    triangles: Array
+    corners: Array
+    matrix: Array
+
+    @classmethod
+    def read(cls, instance: bpy.types.DepsgraphObjectInstance) -> Self:
+        """Read an instance of a mesh. Whole arrays are copied, since Blender reads vertex by vertex 20 times as
+        long."""
+        mesh = instance.object.data
+        mesh.calc_loop_triangles()
+        corners = read_property(mesh.loop_triangles, "loops", np.int32, 3).reshape(-1, 3)
+        if not len(mesh.vertices):
+            return cls(np.empty((0, 3), np.float32), corners, corners, np.eye(4))
+        positions = read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3)
+        triangles = corners
+        if len(corners):
+            triangles = read_property(mesh.attributes[".corner_vert"].data, "value", np.int32)[corners]
+        return cls(positions, triangles, corners, np.array(instance.matrix_world, np.float64))
+
+    def place(self) -> tuple[Array, Array, Array]:
+        """Vertices (n, 3) float64 in world coordinates, vertices and corners (m, 3) of the triangles. Any thread
+        may call this. A mirrored instance shows its other side, so its triangles are turned."""
+        triangles, corners, turned = self.triangles, self.corners, self.matrix[:3, :3]
+        if np.linalg.det(turned) < 0:
+            triangles, corners = triangles[:, ::-1], corners[:, ::-1]
+        return self.positions.astype(np.float64) @ turned.T + self.matrix[:3, 3], triangles, corners
 
 
 def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
@@ -170,7 +189,7 @@ def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
         if instance.object.type != "MESH":
             continue
         mesh = instance.object.data
-        points, triangles, loops = read_placed_triangles(instance)
+        points, triangles, loops = PlacedMesh.read(instance).place()
         uvs.append((len(triangles), _read_corners_uv(mesh, loops)))
         positions.append(points)
         faces.append(triangles + np.int32(offset))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .import_mesh import MAX_TRIANGLES, read_placed_triangles
+from .import_mesh import MAX_TRIANGLES, PlacedMesh
 
 
 def find_metres_per_unit(scene: bpy.types.Scene) -> float:
@@ -19,26 +21,41 @@ def find_metres_per_unit(scene: bpy.types.Scene) -> float:
 def read_object_mesh(
     item: bpy.types.Object, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
 ) -> tuple[Array, Array]:
-    """Vertices (n, 3), float64, in metres and world coordinates, and triangles (m, 3), int32, of an object and its
-    instances.
+    """``join_meshes`` of an object and its instances."""
+    return join_meshes(read_placed_meshes(item, depsgraph), find_metres_per_unit(scene), item.name)
 
-    Raises IcyMoonError if they have no area, or more triangles than a ground may have.
-    """
-    positions, faces, vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0, 0
+
+def read_placed_meshes(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> list[PlacedMesh]:
+    """The meshes of an object and of its instances. Raises IcyMoonError if they have more triangles than a ground may
+    have."""
+    found, triangles = list[PlacedMesh](), 0
     for instance in depsgraph.object_instances:
         shown_by = instance.parent if instance.is_instance else instance.object
         if shown_by is None or shown_by.original != item or instance.object.type != "MESH":
             continue
-        points, corners, _ = read_placed_triangles(instance)
-        positions.append(points)
-        faces.append(corners + np.int32(vertices))
-        vertices, triangles = vertices + len(points), triangles + len(corners)
+        found.append(PlacedMesh.read(instance))
+        triangles += len(found[-1].triangles)
         if triangles > MAX_TRIANGLES:
             raise IcyMoonError(
                 f"{item.name} has more than {MAX_TRIANGLES} triangles; leave some out, or make it coarser."
             )
-    placed, corners = find_metres_per_unit(scene) * np.concatenate(positions), np.concatenate(faces)
+    return found
+
+
+def join_meshes(meshes: Sequence[PlacedMesh], unit_m: float, name: str) -> tuple[Array, Array]:
+    """Vertices (n, 3), float64, in metres and world coordinates, and triangles (m, 3), int32, of the meshes of the
+    object of this ``name``, where a unit of length is ``unit_m``. Any thread may call this.
+
+    Raises IcyMoonError if they have no area.
+    """
+    positions, faces, vertices = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    for mesh in meshes:
+        points, corners, _ = mesh.place()
+        positions.append(points)
+        faces.append(corners + np.int32(vertices))
+        vertices += len(points)
+    placed, corners = unit_m * np.concatenate(positions), np.concatenate(faces)
     a, b, c = (placed[corners[:, k]] for k in range(3))
     if not np.any(np.cross(b - a, c - a)):
-        raise IcyMoonError(f"{item.name} has no face with an area; choose an object with a surface.")
+        raise IcyMoonError(f"{name} has no face with an area; choose an object with a surface.")
     return placed, corners

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from built_beside import build_beside
+from built_scenes import everything
 from icymoon.formats.ply import read_triangles
 from icymoon.nodes import build_scene as scenes
+from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.nodes.ground import object_mesh
-from icymoon.operators import object_as_ground
+from icymoon.operators import object_as_ground, refine_ground
+from icymoon.operators.import_ground import GroundOperator
+from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.settings.blender import scene_properties
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.steps import finish
+from pieces import count_pauses, stop_after
 from rendering import empty_scene
+from thread_asks import list_asks_of_threads
 
 
 @pytest.fixture
@@ -196,3 +207,70 @@ def test_settings_that_place_other_files_are_reset(scene):
     bpy.ops.icymoon.object_as_ground()
     source = scene_properties.read_settings(scene.icymoon).source
     assert (source.origin_x_m, source.origin_y_m, source.scale) == (0.0, 0.0, 1.0)
+
+
+class Operator(object_as_ground.SelectedMeshOperator, GroundOperator):
+    """The operator as Blender holds it after ``invoke``."""
+
+    make_source = object_as_ground.ICYMOON_OT_object_as_ground.make_source
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self._scene_uid = bpy.context.scene.session_uid
+
+    def report(self, kind: set[str], message: str, /) -> None:
+        self.said.append(message)
+
+
+@pytest.fixture
+def hill(scene, tmp_path, monkeypatch):
+    """A scene with a selected object, where another Blender builds."""
+    monkeypatch.setattr(refine_ground, "start_building", lambda of: build_beside(of, tmp_path / "built.blend"))
+    add_grid(cells=40)
+    bpy.context.view_layer.update()
+    return scene
+
+
+def test_pieces_come_to_what_a_build_at_once_comes_to(hill, monkeypatch):
+    bpy.ops.icymoon.object_as_ground()
+    at_once, file = read_parts(scenes.find_built(hill).collection), hill.icymoon.source.file
+    scenes.clear_scene(hill)
+    hill.icymoon.source.kind, hill.icymoon.source.file = "PROCEDURAL", ""
+    asked, threads, encode = list_asks_of_threads(monkeypatch), list[bool](), object_as_ground.encode_triangles
+    monkeypatch.setattr(
+        object_as_ground,
+        "encode_triangles",
+        lambda *of: threads.append(threading.current_thread() is not threading.main_thread()) or encode(*of),
+    )
+    work = WorkInPieces(Operator().make_steps(bpy.context), "the ground")
+    while not (messages := work.poll()):
+        time.sleep(0.001)
+    assert [kind for kind, _ in messages[-1]["value"]] == ["INFO"]
+    built = scenes.find_built(hill)
+    assert read_parts(built.collection) == at_once
+    assert not built.edited
+    assert hill.icymoon.source.file == file
+    assert threads == [True]
+    assert asked == []
+
+
+def test_the_window_is_as_before_wherever_the_pieces_stop(hill):
+    before, count = everything(), count_pauses(Operator().make_steps(bpy.context))[0]
+    scenes.clear_scene(hill)
+    hill.icymoon.source.kind, hill.icymoon.source.file = "PROCEDURAL", ""
+    assert count >= 4
+    for pauses in range(1, count + 1):
+        operator = Operator()
+        stop_after(operator.make_steps(bpy.context), pauses)
+        operator.clean_up_after_stop()
+        assert (hill.icymoon.source.kind, hill.icymoon.source.file) == ("PROCEDURAL", "")
+        assert everything() == before, f"after {pauses} pauses"
+
+
+def test_an_object_without_an_area_leaves_the_settings(hill):
+    bpy.context.active_object.scale = (0.0, 1.0, 0.0)
+    bpy.context.view_layer.update()
+    operator = Operator()
+    with pytest.raises(IcyMoonError, match="no face with an area"):
+        finish(operator.make_steps(bpy.context))
+    assert hill.icymoon.source.kind == "PROCEDURAL"
