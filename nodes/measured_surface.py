@@ -7,7 +7,8 @@ points that are too far.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -20,6 +21,7 @@ from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from ..support.srgb import from_srgb
+from ..support.steps import Steps
 from .datablocks.fingerprint import TAG
 from .datablocks.mesh_arrays import read_property
 from .shown_objects import link_shown, list_shown, remove_shown
@@ -80,7 +82,7 @@ def build_points(
     clear_points(scene)
     mesh = _build_mesh(make_squares(position, toward, width), error)
     mesh.materials.append(build_material(_COLOUR_ATTRIBUTE))
-    _colour_mesh(mesh, full_m)
+    fill_colours(mesh.attributes[_COLOUR_ATTRIBUTE], _colour_corners(error.astype(np.float32), full_m))
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[_COUNTS_PROPERTY] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
     link_shown(scene, item, NAME, ROLE)
@@ -143,16 +145,15 @@ def build_squares(name: str, corners: Array) -> bpy.types.Mesh:
 def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
     mesh = build_squares(NAME, corners)
     mesh.attributes.new(_ERROR_ATTRIBUTE, "FLOAT", "FACE").data.foreach_set("value", error_m.astype(np.float32))
-    mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR_ATTRIBUTE, "BYTE_COLOR", "POINT")
+    mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR_ATTRIBUTE, "FLOAT_COLOR", "POINT")
     mesh.update(calc_edges=True)
     mesh.validate()
     return mesh
 
 
-def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
-    error = read_property(mesh.attributes[_ERROR_ATTRIBUTE].data, "value")
-    set_colours(mesh.attributes[_COLOUR_ATTRIBUTE], np.repeat(colour_signed_errors(error, full_m), 4, axis=0))
-    mesh.update_tag()
+def _colour_corners(error_m: Array, full_m: float) -> Array:
+    """Linear colours (4 n, 4) of the corners of squares with errors (n,) in metres; any thread may call this."""
+    return to_linear_colours(np.repeat(colour_signed_errors(error_m, full_m), 4, axis=0))
 
 
 def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
@@ -178,13 +179,28 @@ def fill_colours(attribute: bpy.types.Attribute, rgba: Array) -> None:
     attribute.data.foreach_set("color", rgba.ravel())
 
 
-def recolour_points(scene: bpy.types.Scene, full_m: float) -> None:
-    """Colour the shown surface, if any, again: errors of ``full_m`` metres and more get the full colour."""
+def recolour_points(find_scene: Callable[[], bpy.types.Scene], full_m: float) -> Steps[None]:
+    """Colour the shown surface, if any, again in steps: errors of ``full_m`` metres and more get the full colour.
+    ``find_scene`` finds the scene anew after a pause."""
+    mesh = _find_mesh_with_errors(find_scene())
+    if mesh is None:
+        return
+    error_m = read_property(mesh.attributes[_ERROR_ATTRIBUTE].data, "value")
+    colours = yield partial(_colour_corners, error_m, full_m)
+    mesh = _find_mesh_with_errors(find_scene())
+    if mesh is not None and len(mesh.vertices) == len(colours):
+        fill_colours(mesh.attributes[_COLOUR_ATTRIBUTE], colours)
+        mesh.update_tag()
+        yield None
+
+
+def _find_mesh_with_errors(scene: bpy.types.Scene) -> bpy.types.Mesh | None:
+    """The mesh of the measured surface; None without one, or if an older file has no errors of it."""
     item = find_points(scene)
-    if item is not None and {_ERROR_ATTRIBUTE, _COLOUR_ATTRIBUTE} <= set(
-        item.data.attributes.keys()
-    ):  # older files have no errors
-        _colour_mesh(item.data, full_m)
+    if item is None or not {_ERROR_ATTRIBUTE, _COLOUR_ATTRIBUTE} <= set(item.data.attributes.keys()):
+        return None
+    mesh: bpy.types.Mesh = item.data
+    return mesh
 
 
 def build_material(colour_attribute: str) -> bpy.types.Material:

@@ -30,6 +30,7 @@ from ..support.errors import IcyMoonError
 from ..support.steps import Steps
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
+from .datablocks.mesh_arrays import get_memory
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import fill_colours, make_share_lines, set_colours, to_linear_colours
 from .painted_errors import (
@@ -90,7 +91,9 @@ def paint_decisions(find_build: Callable[[], Built], stored: StoredMap, title: s
     vertex of the ground is within the map.
     """
     ground = find_build().terrain
-    matrix, position = np.array(ground.matrix_world), read_vertex_positions(ground.data)
+    memory = yield from get_memory(3 * len(ground.data.vertices), np.float32)
+    ground = find_build().terrain
+    matrix, position = np.array(ground.matrix_world), read_vertex_positions(ground.data, memory)
     colours = yield partial(_colour_ground, matrix, position, stored)
     counts = yield partial(count_cells, stored)
     there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}

@@ -45,7 +45,7 @@ from ..support.steps import Steps
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED
 from .datablocks.fingerprint import TAG, find_added_objects, find_instanced_objects
-from .datablocks.mesh_arrays import read_property
+from .datablocks.mesh_arrays import get_memory, read_property
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import (
     KINDS,
@@ -152,9 +152,11 @@ class FoundErrors:
 def read_meshes(built: Built) -> Steps[MeshesToPaint]:
     """Read the meshes of a built scene in steps."""
     mesh, matrix = built.terrain.data, np.array(built.terrain.matrix_world, np.float64)
-    position = read_vertex_positions(mesh)
+    memory = yield from get_memory(3 * len(mesh.vertices), np.float32)
+    position = read_vertex_positions(mesh, memory)
     yield None
-    edges = _read_edges(mesh)
+    memory = yield from get_memory(2 * len(mesh.edges), np.int32)
+    edges = read_property(mesh.attributes[".edge_verts"].data, "value", np.int32, 2, memory).reshape(-1, 2)
     yield None
     rocks, instances = [], _find_rock_instances(built)
     for shape, matrices in instances.items():
@@ -203,7 +205,11 @@ def _colour_all(errors: FoundErrors, full_m: float) -> FoundErrors:
 
 
 def _colour(shown: VertexErrors, full_m: float) -> Array:
-    error_m, kind = np.asarray(shown.error_m, np.float32), shown.kind.astype(np.int8)
+    return _colour_values(np.asarray(shown.error_m, np.float32), shown.kind.astype(np.int8), full_m)
+
+
+def _colour_values(error_m: Array, kind: Array, full_m: float) -> Array:
+    """Linear colours (n, 4) of errors in metres and their kinds, float32 and int8; any thread may call this."""
     return to_linear_colours(colour_errors(error_m, kind, full_m))
 
 
@@ -218,9 +224,13 @@ def show_errors(
     """
     while (full_m := find_full_m()) != errors.full_m:  # the user has changed it meanwhile
         errors = yield partial(_colour_all, errors, full_m)
-    copies = _build_copies(errors.rocks, errors.colours[1]) if errors.rocks else None
+    copies = _build_copies(errors.rocks) if errors.rocks else None
     try:
         yield None
+        if copies is not None and errors.rocks:
+            refuse_other_ground(find_build(), errors.ground.error_m, copies)
+            _fill_attributes(copies.data, errors.rocks[2], errors.colours[1])
+            yield None
         built = find_build()
         refuse_other_ground(built, errors.ground.error_m, copies)
     except BaseException:
@@ -275,11 +285,29 @@ def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> b
     return collection
 
 
-def recolour_errors(scene: bpy.types.Scene, full_m: float) -> None:
-    """Colour the shown errors again: errors of ``full_m`` metres and more get the full colour."""
-    for mesh in _find_painted_meshes(scene):
-        if ERROR_M in mesh.attributes:  # decisions have colours of their own
-            _colour_mesh(mesh, full_m)
+def recolour_errors(find_scene: Callable[[], bpy.types.Scene], full_m: float) -> Steps[None]:
+    """Colour the errors that a scene shows again, in steps: errors of ``full_m`` metres and more get the full colour.
+
+    ``find_scene`` finds the scene anew after each pause, for undo moves it in memory and the user may remove the
+    errors.
+    """
+    for uid in [mesh.session_uid for mesh in _find_meshes_with_errors(find_scene())]:
+        mesh = next((each for each in _find_meshes_with_errors(find_scene()) if each.session_uid == uid), None)
+        if mesh is None:
+            continue
+        error_m = read_property(mesh.attributes[ERROR_M].data, "value")
+        kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
+        colours = yield partial(_colour_values, error_m, kind, full_m)
+        mesh = next((each for each in _find_meshes_with_errors(find_scene()) if each.session_uid == uid), None)
+        if mesh is not None and len(mesh.vertices) == len(colours):
+            fill_colours(mesh.attributes[COLOUR], colours)
+            mesh.update_tag()
+            yield None
+
+
+def _find_meshes_with_errors(scene: bpy.types.Scene) -> list[bpy.types.Mesh]:
+    """The meshes of a scene that show errors; decisions have colours of their own."""
+    return [mesh for mesh in _find_painted_meshes(scene) if ERROR_M in mesh.attributes]
 
 
 def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -323,14 +351,10 @@ def _find_painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
     return {item.data for item in (*scene.objects, *rocks) if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
-def read_vertex_positions(mesh: bpy.types.Mesh) -> Array:
-    """Positions (n, 3) of a mesh's vertices in its coordinates, float32."""
+def read_vertex_positions(mesh: bpy.types.Mesh, memory: Array | None = None) -> Array:
+    """Positions (n, 3) of a mesh's vertices in its coordinates, float32, see ``read_property``."""
     # mesh.vertices has the same, but takes 20 times as long.
-    return read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3)
-
-
-def _read_edges(mesh: bpy.types.Mesh) -> Array:
-    return read_property(mesh.attributes[".edge_verts"].data, "value", np.int32, 2).reshape(-1, 2)
+    return read_property(mesh.attributes["position"].data, "vector", width=3, memory=memory).reshape(-1, 3)
 
 
 def to_world(matrix: ArrayLike, position: Array) -> Array:
@@ -448,11 +472,10 @@ def _repeat_indices(indices: Array, times: int, vertices: int) -> Array:
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
-def _build_copies(rocks: tuple[Array, Array, VertexErrors], colours: Array) -> bpy.types.Object:
-    """The object of the copies of rocks, in no collection."""
-    position, triangles, shown = rocks
+def _build_copies(rocks: tuple[Array, Array, VertexErrors]) -> bpy.types.Object:
+    """The object of the copies of rocks, in no collection and without colours."""
+    position, triangles, _ = rocks
     mesh = build_mesh_from_arrays(NAME, position, triangles)
-    _fill_attributes(mesh, shown, colours)
     material = build_material(COLOUR)
     mesh.materials.append(material)
     item = bpy.data.objects.new(_COPIES_NAME, mesh)
@@ -501,10 +524,3 @@ def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
     mesh.color_attributes.new(COLOUR, "FLOAT_COLOR", "POINT")
     mesh.attributes.active_color_name, mesh.attributes.default_color_name = COLOUR, rendered
     return mesh.attributes[COLOUR]
-
-
-def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
-    error = read_property(mesh.attributes[ERROR_M].data, "value")
-    kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
-    set_colours(mesh.attributes[COLOUR], colour_errors(error, kind, full_m))
-    mesh.update_tag()

@@ -12,7 +12,6 @@ from ..nodes import build_scene as scenes
 from ..nodes import measured_surface, painted_errors
 from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import read_pair
-from ..settings import change_announcements
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import read_depth_errors
@@ -37,7 +36,6 @@ from .results import (
 )
 from .settled_steps import settle
 from .sidebar_text import format_for_window
-from .window_events import make_registration
 
 
 class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
@@ -202,14 +200,4 @@ class ICYMOON_OT_hide_surface(ExplainedOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def follow_colour_range(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Colour the shown errors again when the range of the colours changes."""
-    if scene is not None and change_announcements.COLOURS in effects:
-        measured_surface.recolour_points(scene, scene.icymoon.error_range_m)
-        painted_errors.recolour_errors(scene, scene.icymoon.error_range_m)
-
-
 CLASSES = (ICYMOON_OT_show_surface, ICYMOON_OT_paint_errors, ICYMOON_OT_hide_surface)
-
-
-register, unregister = make_registration(follow_colour_range)

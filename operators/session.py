@@ -60,6 +60,8 @@ class Session:
     left_to_build: bool = False  # changed settings are not shown, because a build follows
     undone_build: bool = False  # the undo that runs now has stopped a build
     painting: Job | None = None  # paints decisions, piece by piece
+    recolouring: WorkInPieces | None = None  # colours the shown errors again
+    to_recolour: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose errors will be coloured
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
     marking: WorkInPieces | None = None  # reads the marks of the scene's meshes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from typing import Any
 
 import bpy
@@ -13,6 +15,7 @@ from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
 from icymoon.nodes.datablocks.fingerprint import find_instanced_objects, read_parts
+from icymoon.operators import live_preview, recolour_errors
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings.blender import scene_properties
@@ -25,6 +28,7 @@ from icymoon.support.steps import finish
 from mathutils import Vector
 from pieces import count_pauses, stop_after, walk
 from rendering import render
+from thread_asks import list_asks_of_threads
 
 SCENE = {
     "rig": {"width_px": 240, "height_px": 180},
@@ -272,6 +276,61 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
     assert painted_errors.find_painted(scene) is None
     assert not bpy.ops.icymoon.hide_surface.poll()
+
+
+def test_the_range_is_followed_in_pieces_up_to_its_last_value(shown, evaluated_pair, monkeypatch):
+    """To colour a ground of a million vertices takes half a second, in which the window must stay usable."""
+    scene, mesh = evaluated_pair, shown[1].terrain.data
+    bpy.ops.icymoon.paint_errors(method="far")
+    before = read(mesh)[2].copy()
+    scene.icymoon.error_range_m = 0.15
+    at_once = read(mesh)[2].copy()
+    assert (at_once != before).any()
+    scene.icymoon.error_range_m = 1.0
+    threads, colour = list[bool](), painted_errors.colour_errors
+    monkeypatch.setattr(
+        painted_errors,
+        "colour_errors",
+        lambda *of: threads.append(threading.current_thread() is not threading.main_thread()) or colour(*of),
+    )
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    asked = list_asks_of_threads(monkeypatch)
+    scene.icymoon.error_range_m = 0.4
+    assert threads == []
+    recolour_errors._recolour_next()
+    scene.icymoon.error_range_m = 0.15  # while a thread colours for 0.4 m
+    while recolour_errors._recolour_next() is not None:
+        time.sleep(0.001)
+    np.testing.assert_array_equal(read(mesh)[2], at_once)
+    assert threads
+    assert all(threads)
+    assert asked == []
+
+
+def test_errors_that_are_removed_while_they_are_coloured_stay_removed(shown, evaluated_pair, monkeypatch):
+    scene, mesh = evaluated_pair, shown[1].terrain.data
+    bpy.ops.icymoon.paint_errors(method="far")
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    scene.icymoon.error_range_m = 0.4
+    recolour_errors._recolour_next()
+    bpy.ops.icymoon.hide_surface()
+    while recolour_errors._recolour_next() is not None:
+        time.sleep(0.001)
+    assert painted_errors.COLOUR not in mesh.attributes
+
+
+def test_undo_has_the_colours_of_its_range(shown, evaluated_pair, monkeypatch):
+    """Undo may bring the range back without the colours, which follow a slider after its step."""
+    scene, mesh = evaluated_pair, shown[1].terrain.data
+    bpy.ops.icymoon.paint_errors(method="far")
+    expected = read(mesh)[2].copy()
+    mesh.attributes[painted_errors.COLOUR].data.foreach_set("color", np.zeros(4 * len(expected), np.float32))
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    monkeypatch.setattr(recolour_errors, "_list_shown_scenes", lambda: [scene])
+    recolour_errors._follow_undo()
+    while recolour_errors._recolour_next() is not None:
+        time.sleep(0.001)
+    np.testing.assert_array_equal(read(mesh)[2], expected)
 
 
 @pytest.mark.long
