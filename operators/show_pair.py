@@ -1,7 +1,7 @@
 """Show Stereo Pair: the camera images of the rendered pair and its true depth, in an Image Editor.
 
-It needs no evaluator: a thread of Blender's own process reads and develops the pair in numpy, and the window does not
-wait for it.
+It needs no evaluator: a thread of Blender's own process reads and develops the pair in numpy and draws the picture, and
+the window does not wait for it.
 
 The picture is a file in a temporary folder, which one image data-block shows. If a script set the pixels of the image
 instead, Blender would ask to save it at the end and would pack it into the .blend file.
@@ -10,9 +10,8 @@ instead, Blender would ask to save it at the end and would pack it into the .ble
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import replace
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from ..render.pairs.dataset_file_names import check_id, folder_of_pair
 from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
 from ..settings.rebuilt_parts import select_response
-from ..stereo.pair_views import read_pair_views
+from ..stereo.pair_views import PairViews, read_pair_views
 from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
 from ..support.system import remove_folder
@@ -119,19 +118,37 @@ def _load_picture(image: bpy.types.Image, turn: int) -> None:
         area.tag_redraw()
 
 
-def _write_pictures(pictures: list[Any]) -> None:
+def _read_and_draw(
+    folder: Path, camera_response: Mapping[str, Mapping[str, Any]], view: str
+) -> tuple[PairViews, list[bytes]]:
+    """A pair, and the files of a view's pictures; any thread may call this."""
+    views = read_pair_views(folder, camera_response)
+    return views, _draw(views, view)
+
+
+def _draw_again(views: PairViews, view: str) -> tuple[PairViews, list[bytes]]:
+    """As ``_read_and_draw`` for a pair that was read already."""
+    return views, _draw(views, view)
+
+
+def _draw(views: PairViews, view: str) -> list[bytes]:
+    """The files of a view's pictures, one or two; any thread may call this."""
+    return [encode_png(picture, 0) for picture in views.pictures(view)]
+
+
+def _write_pictures(files: Sequence[bytes]) -> None:
     """Write both pictures of a flicker view to ``picture_0.png`` and ``picture_1.png``. A single picture goes to both
     files, since undo may restore either path."""
     for turn in (0, 1):
         path = _find_pictures_folder() / f"picture_{turn}.png"
         with explain_disk_errors("write", path):
-            path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
+            path.write_bytes(files[turn % len(files)])
 
 
-def _show_view(now: ShownPair, open_window: bool, raise_window: bool) -> None:
-    """Show a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an editor that shows
-    the image already comes to the front."""
-    _write_pictures(now.views.pictures(now.view))
+def _show_view(now: ShownPair, files: Sequence[bytes], open_window: bool, raise_window: bool) -> None:
+    """Show the ``files`` of a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an
+    editor that shows the image already comes to the front."""
+    _write_pictures(files)
     new = find_image() is None
     image = _get_image()
     size = tuple(image.size)
@@ -205,7 +222,7 @@ class ShowsPair(WatchingOperator):
     #: already.
     view: str = VIEWS[0][0]
     automatic: bool = False
-    _found: ShownPair
+    _is_new = False  # whether the pair is read, not only drawn
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         """The folder of the pair to show. Raises IcyMoonError if there is no such pair."""
@@ -219,28 +236,31 @@ class ShowsPair(WatchingOperator):
         return result
 
     def start(self, context: bpy.types.Context) -> Job | None:
-        """Read the pair, unless it is developed already. An earlier reading is given up."""
+        """Read the pair, unless it is developed already, and draw the view. An earlier reading is given up."""
         if self.automatic and session.shown is not None:
             self.view = session.shown.view
         camera_response = select_response(scene_properties.read_settings(context.scene.icymoon))
         folder = self.find_folder(context)
         self._folder, self._made_of = folder, _describe_origin(folder, camera_response)
-        if session.shown is not None and session.shown.made_of == self._made_of:
-            self._found = replace(session.shown, view=self.view, turn=0)
-            return None
+        view, shown = self.view, session.shown
+        work: Callable[[], object] = partial(_read_and_draw, folder, camera_response, view)
+        self._is_new = shown is None or shown.made_of != self._made_of
+        if shown is not None and not self._is_new:
+            work = partial(_draw_again, shown.views, view)
         if session.reading is not None:
             session.reading.cancel()
-        session.reading = Job("Show Stereo Pair", Calculation(lambda: read_pair_views(folder, camera_response), folder))
+        session.reading = Job("Show Stereo Pair", Calculation(work, folder))
         return session.reading
 
     def report_success(self, context: bpy.types.Context) -> None:
         """Show the pair. The view is exposed by a pair that was just read."""
-        if self._job is not None:
-            session.reading = None
-            self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
-        _show_view(self._found, self._opens_window(context), raise_window=not self.automatic)
-        if self._job is not None and self.automatic:
-            view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
+        assert self._job is not None
+        session.reading = None
+        views, files = self._job.result["value"]
+        found = ShownPair(self._folder, self._made_of, views, self.view)
+        _show_view(found, files, self._opens_window(context), raise_window=not self.automatic)
+        if self._is_new and self.automatic:
+            view_exposure.expose_as_rendered(context.scene, self._folder, views.exposures_s)
 
     def look(self, context: bpy.types.Context) -> bool:
         """Check the job. A window that the user has not asked for would take a field from under the mouse, so it waits

@@ -85,7 +85,7 @@ def give_edges(mesh: bpy.types.Mesh, edges: dict[str, Array]) -> Steps[None]:
 def write_edges(edges: dict[str, Array], path: Path) -> None:
     """Write what ``take_edges`` returns to a file."""
     with path.open("wb") as file:
-        np.savez(file, **edges)  # type: ignore[arg-type]
+        np.savez(file, **edges)
 
 
 def read_edges(path: Path) -> dict[str, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import threading
 from functools import partial
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from icymoon.support.arrays import Array
 from numpy.testing import assert_array_equal  # its import starts a process, which a test forbids
 from pairs import write_pair
 from panel_drawing import Layout, drawn, texts
+from thread_asks import list_asks_of_threads
 
 
 @pytest.fixture
@@ -154,6 +156,20 @@ def test_a_pair_is_read_once_and_again_when_the_response_or_the_pair_changes(ren
     bpy.ops.icymoon.render_pair(again=True)
     bpy.ops.icymoon.show_pair(view="LEFT")
     assert len(read) == 3
+
+
+def test_threads_draw_every_view_and_ask_blender_nothing(rendered, monkeypatch):
+    """To draw and encode a view takes 0.1 s, in which the window must stay usable."""
+    threads, encode, asked = list[bool](), show_pair.encode_png, list_asks_of_threads(monkeypatch)
+    monkeypatch.setattr(
+        show_pair,
+        "encode_png",
+        lambda *of: threads.append(threading.current_thread() is not threading.main_thread()) or encode(*of),
+    )
+    for view in ("SIDE_BY_SIDE", "DEPTH"):  # the second of a pair that was read already
+        bpy.ops.icymoon.show_pair(view=view)
+    assert threads == [True, True]
+    assert asked == []
 
 
 def test_the_pair_stays_with_the_scene(rendered, tmp_path):
