@@ -23,6 +23,7 @@ import bpy
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.renders import open_empty_file, start_blender
+from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
 from icymoon.operators import (
     build_in_pieces,
     decisions_in_view,
@@ -30,10 +31,13 @@ from icymoon.operators import (
     jobs,
     keep_marks,
     live_preview,
+    object_as_ground,
+    recolour_errors,
     refine_ground,
     render,
 )
 from icymoon.operators.evaluate import find_rendered_pairs_in_steps
+from icymoon.operators.import_ground import GroundOperator
 from icymoon.operators.session import session
 from icymoon.operators.settled_steps import settle
 from icymoon.settings import preset_files
@@ -44,6 +48,8 @@ from icymoon.support.steps import Outcome, Steps, advance, call
 SCENES = "europa_rough_ice", "enceladus_block_field"
 _SHOWN = 4
 _SLIDER_STEPS = 12
+#: Vertices per side of an object that becomes the ground: a million triangles, for which no one is asked.
+_OBJECT_SIDE = 701
 
 
 @dataclass
@@ -164,13 +170,44 @@ def _list_actions(scene: bpy.types.Scene) -> Iterator[tuple[str, Pieces]]:
     bpy.ops.icymoon.decide()
     if bpy.ops.icymoon.paint_decisions.poll():
         yield "paint decisions", _run_operator(decisions_in_view.ICYMOON_OT_paint_decisions, method="bm", map="SLOPE")
+    yield "selected object as ground", _build_on_object(scene)
+
+
+class _GroundOperator(object_as_ground.SelectedMeshOperator, GroundOperator):
+    """Use Selected Object as Ground, as Blender holds it after ``invoke``."""
+
+    make_source = object_as_ground.ICYMOON_OT_object_as_ground.make_source
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self._scene_uid = scene.session_uid
+
+    def report(self, kind: set[str], message: str, /) -> None:
+        """Say nothing."""
+
+
+def _build_on_object(scene: bpy.types.Scene) -> Pieces:
+    """Build on a selected object of ``_OBJECT_SIDE`` vertices per side."""
+    at = np.linspace(-6.0, 6.0, _OBJECT_SIDE)
+    x, y = np.meshgrid(at, at)
+    first = np.arange(_OBJECT_SIDE * (_OBJECT_SIDE - 1)).reshape(-1, _OBJECT_SIDE)[:, :-1].reshape(-1, 1)
+    faces = (first + np.array([0, 1, _OBJECT_SIDE + 1, _OBJECT_SIDE])).astype(np.int32)
+    mesh = build_mesh_from_arrays("Hill", np.stack([x, y, 0.1 * np.sin(3 * x)], axis=-1).reshape(-1, 3), faces)
+    item = bpy.data.objects.new("Hill", mesh)
+    scene.collection.objects.link(item)
+    bpy.context.view_layer.objects.active = item
+    item.select_set(True)
+    bpy.context.view_layer.update()
+    pieces = Pieces()
+    pieces.run(_GroundOperator(scene).make_steps(bpy.context))
+    pieces.run_at_once(bpy.context.view_layer.update, "Blender's update")
+    return pieces
 
 
 def _slide_range(scene: bpy.types.Scene) -> Pieces:
+    """The pieces in which colours follow the range of the errors, as in a window."""
     pieces = Pieces()
-    for value in np.linspace(0.2, 0.4, 4):
-        pieces.run_at_once(lambda value=value: setattr(scene.icymoon, "error_range_m", float(value)), "step")
-        pieces.run_at_once(bpy.context.view_layer.update, "Blender's update")
+    pieces.run(recolour_errors._recolour(scene.session_uid))
+    pieces.run_at_once(bpy.context.view_layer.update, "Blender's update")
     return pieces
 
 

@@ -447,8 +447,10 @@ def ground_from_an_object() -> Waiting:
         dunes.select_set(True)
         bpy.context.view_layer.objects.active = dunes
         bpy.ops.ed.undo_push(message="Dunes")
-        check(bpy.ops.icymoon.object_as_ground("INVOKE_DEFAULT", True) == {"FINISHED"}, "the object was refused")
-    yield from until(lambda: built() and settings().source.kind == "MESH", "Building on the object")
+        check(bpy.ops.icymoon.object_as_ground("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}, "the object was refused")
+    yield from until(
+        lambda: built() and not session().building and settings().source.kind == "MESH", "Building on the object"
+    )
     low, high = (
         bound([corner[2] for corner in bpy.data.objects["Icy Moon Terrain"].bound_box]) for bound in (min, max)
     )
