@@ -99,30 +99,27 @@ def calibrate(pairs: Sequence[Sequence[Array]]) -> Rectified:
     board = np.zeros((np.prod(_BOARD), 3), np.float32)
     board[:, :2] = _SQUARE_M * np.mgrid[: _BOARD[0], : _BOARD[1]].T.reshape(-1, 2)
     seen, size = [board] * len(pairs), pairs[0][0].shape[::-1]
-    own = [cv2.calibrateCamera(seen, [pair[eye] for pair in found], size, None, None)[1:3] for eye in (0, 1)]
-    _, *cameras, turn, step, _, _ = cv2.stereoCalibrate(
-        seen, *([pair[eye] for pair in found] for eye in (0, 1)), *own[0], *own[1], size, criteria=_STOP
+    left, right = ([pair[eye] for pair in found] for eye in (0, 1))
+    (k1, d1), (k2, d2) = (
+        cv2.calibrateCamera(seen, points, size, np.eye(3), np.zeros(5))[1:3] for points in (left, right)
     )
-    lenses = cameras[:2], cameras[2:]
-    rectified = cv2.stereoRectify(*lenses[0], *lenses[1], size, turn, step, alpha=0)
-    turns, views = rectified[:2], rectified[2:4]
+    _, k1, d1, k2, d2, turn, step, _, _ = cv2.stereoCalibrate(seen, left, right, k1, d1, k2, d2, size, criteria=_STOP)
+    turn1, turn2, view1, view2, *_ = cv2.stereoRectify(k1, d1, k2, d2, size, turn, step, alpha=0)
+    eyes = ((left, k1, d1, turn1, np.asarray(view1)), (right, k2, d2, turn2, np.asarray(view2)))
     maps = [
-        cv2.initUndistortRectifyMap(*lens, rotation, view[:, :3], size, cv2.CV_32FC1)
-        for lens, rotation, view in zip(lenses, turns, views, strict=True)
+        cv2.initUndistortRectifyMap(camera, lens, rotation, view[:, :3], size, cv2.CV_32FC1)
+        for _, camera, lens, rotation, view in eyes
     ]
     corners = np.array(
         [
-            [
-                cv2.undistortPoints(points[:, None], *lens, R=rotation, P=view)[:, 0]
-                for points, lens, rotation, view in zip(pair, lenses, turns, views, strict=True)
-            ]
-            for pair in found
+            [np.asarray(cv2.undistortPoints(each, camera, lens, R=rotation, P=view))[:, 0] for each in points]
+            for points, camera, lens, rotation, view in eyes
         ]
-    )
-    return Rectified(maps, corners, float(views[0][0, 0]), float(np.linalg.norm(step)))
+    ).swapaxes(0, 1)
+    return Rectified(maps, corners, float(eyes[0][4][0, 0]), float(np.linalg.norm(step)))
 
 
-def fit_plane(left: Array, right: Array, shape: tuple[int, int]) -> tuple[Array, float]:
+def fit_plane(left: Array, right: Array, shape: tuple[int, ...]) -> tuple[Array, float]:
     """The disparity of a plane (``shape``), px, by its corners (N, 2) in both rectified images; NaN outside them.
 
     Second, the root mean square of the corners' distances from it, px.
@@ -132,7 +129,7 @@ def fit_plane(left: Array, right: Array, shape: tuple[int, int]) -> tuple[Array,
     plane, *_ = np.linalg.lstsq(place, disparity, rcond=None)
     row, column = np.mgrid[: shape[0], : shape[1]]
     inside = np.zeros(shape, np.uint8)
-    cv2.fillConvexPoly(inside, np.rint(cv2.convexHull(left.astype(np.float32))).astype(np.int32), 1)
+    cv2.fillConvexPoly(inside, np.rint(cv2.convexHull(left.astype(np.float32))).astype(np.int32), (1,))
     found = plane[0] * column + plane[1] * row + plane[2]
     return np.where(inside > 0, found, np.nan), float(np.sqrt(np.mean((place @ plane - disparity) ** 2)))
 

@@ -20,7 +20,7 @@ def _see(board, turn, place_m, side_m):
     for shift in (0.0, BASELINE_M):
         at = np.array(place_m) - [shift, 0, 0]
         plane = CAMERA @ np.column_stack((rotation[:, 0], rotation[:, 1], at)) @ into
-        views.append(cv2.warpPerspective(board, plane, SIZE_PX, flags=cv2.INTER_AREA, borderValue=200))
+        views.append(cv2.warpPerspective(board, plane, SIZE_PX, flags=cv2.INTER_AREA, borderValue=(200,)))
     return [cv2.GaussianBlur(view, (0, 0), 0.8) for view in views]
 
 
