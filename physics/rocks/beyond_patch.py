@@ -1,8 +1,9 @@
 """Rocks beyond the patch, out to where the largest is too small to be seen.
 
-They follow the law of the patch, with as many per square metre. Only rocks that are wide enough in the image are drawn,
-so that the field has no visible edge and needs only a few thousand rocks. The apparent width is computed from the
-nearest place of the patch, so that moving the camera over the patch changes no rock.
+They follow the law of the patch, with as many per square metre of each size; the law may go on to larger rocks than the
+patch has. Only rocks that are wide enough in the image are drawn, so that the field has no visible edge and needs only
+a few thousand rocks. The apparent width is computed from the nearest place of the patch, so that moving the camera over
+the patch changes no rock.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from ...settings.topics.rocks import RocksSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..rig.focal_length import focal_px
-from .size_laws import SizeLaw, make_size_law
+from .size_laws import SizeLaw, make_law_beyond
 
 _DISTANCE_STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
 _ANGLE_STEP = 1.05  # by which the angle grows until the rocks are few enough
@@ -54,7 +55,7 @@ def make_view_beyond(settings: Settings) -> ViewBeyond | None:
 def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: np.random.Generator) -> RocksBeyond:
     """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``. If there would be more,
     the least apparent width is larger than in the view."""
-    law, angle = make_size_law(rocks), view.smallest_rad
+    law, angle = make_law_beyond(rocks), view.smallest_rad
     while (count := _count_rocks(law, size_m, view, angle)[1][-1]) > rocks.most:
         angle *= _ANGLE_STEP
     radii, above = _count_rocks(law, size_m, view, angle)

@@ -15,7 +15,7 @@ Rocks are counted from the largest down, so that "the n largest of the law" is a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -141,7 +141,7 @@ class GolombekLaw:
         return np.exp(np.interp(per_m2, above, np.log(d)))
 
 
-def make_size_law(rocks: RocksSettings) -> SizeLaw:
+def make_size_law(rocks: RocksSettings) -> PowerLaw | GolombekLaw:
     """The law that ``rocks`` settings describe; their coverage must be above 0.
 
     Raises IcyMoonError if the largest diameter is below the smallest.
@@ -155,6 +155,21 @@ def make_size_law(rocks: RocksSettings) -> SizeLaw:
     if rocks.law == "GOLOMBEK":
         return GolombekLaw(float(rocks.coverage), smallest, largest)
     return PowerLaw(float(rocks.coverage), smallest, largest, float(rocks.power_index))
+
+
+def make_law_beyond(rocks: RocksSettings) -> SizeLaw:
+    """The law of rocks beyond the patch: that of ``make_size_law``, up to ``rocks.beyond_largest`` times its largest
+    diameter, with as many rocks per square metre of each size that both have. Rocks of one size have no law that could
+    go on. Raises IcyMoonError as that does."""
+    law = make_size_law(rocks)
+    if rocks.beyond_largest == 1.0 or law.smallest_m == law.largest_m:
+        return law
+    longer = replace(law, largest_m=law.largest_m * float(rocks.beyond_largest))
+    if isinstance(longer, GolombekLaw):
+        return longer
+    # The coverage of a power law fixes its number of rocks, and larger rocks add coverage.
+    shared = longer.total_per_m2 - float(longer.per_m2_above(np.array(law.largest_m)))
+    return replace(longer, coverage=law.coverage * law.total_per_m2 / shared)
 
 
 def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[Array, float]:

@@ -19,6 +19,7 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from .landforms.landform import Landform, evaluate_where, smooth_step
 from .noise_layers import MAX_OCTAVES, NoiseLayer, make_layer
+from .outcrops import make_outcrops
 from .roughness.roughness import LAW_TO
 
 #: Distance, in half diagonals of the patch, at which hills have their full height; they then rise no faster than
@@ -45,6 +46,7 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
     hills = _make_endless_hills(settings, random)
     start = size_m * math.sqrt(0.5)
     level = _mean_at_rim_m(hills, start)
+    outcrops = make_outcrops(settings, random)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
@@ -52,7 +54,8 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
 
     def beyond(x_m: Array, y_m: Array, shortest_m: Array) -> Array:
         share = smooth_step(np.log(np.hypot(x_m, y_m) / start) / math.log(_FULL_HEIGHT_AT))
-        return share * (hills.heights(x_m, y_m, shortest_m) - level)
+        total = hills.heights(x_m, y_m, shortest_m) - level
+        return share * (total if outcrops is None else total + outcrops.heights(x_m, y_m, shortest_m))
 
     return Landform(math.inf, heights)
 

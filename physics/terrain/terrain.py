@@ -59,6 +59,7 @@ class Terrain:
     slope_north: float = 0.0
     mantle_thickness_m: float = 0.0
     mantle_length_m: float = 0.0
+    mantle_feather_m: float = 0.0
     mantle_level_m: float = field(default=0.0, repr=False)
     hills: Landform | None = None
     far_roughness: FarRoughness | None = None
@@ -142,7 +143,7 @@ class Terrain:
     def _measure_mantle(self, hard_m: Array, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """Thickness, m, of the mantle on ground of the heights ``hard_m``."""
         smooth = self._sum_ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
-        return snow_depth_m(smooth + (self.mantle_level_m - hard_m), self.mantle_thickness_m)
+        return snow_depth_m(smooth + (self.mantle_level_m - hard_m), self.mantle_thickness_m, self.mantle_feather_m)
 
     def _regional_slope(self, x: Array, y: Array) -> Array:
         """The regional slope: a plane on the patch, which levels out beyond it at twice the patch's height."""
@@ -231,6 +232,7 @@ def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Ter
         -math.tan(fall) * math.cos(azimuth),
         mantle.thickness_m,
         mantle.length_m,
+        mantle.feather_m,
         hills=_make_hills(tuple(settings.hills.items()), seed, variant, size),
         far_roughness=_make_far_roughness(
             tuple(settings.hills.items()), float(ground.outer_scale_m), seed, variant, size
@@ -331,14 +333,20 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
     return notes
 
 
-def snow_depth_m(below_m: Array, thickness_m: float) -> Array:
+def snow_depth_m(below_m: Array, thickness_m: float, feather_m: float = 0.0) -> Array:
     """Metres of plume fall-out or frost on ground that lies ``below_m`` under its smoothed surroundings (negative:
     above).
 
     Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between:
-    e - e²/4T up to e = 2T, then T.
+    e - e²/4T up to e = 2T, then T. With a feather w the snow starts at e = -w, without a crease, with a depth that the
+    same law finds from (e + w)²/4w in place of e up to e = w. So what the ground has around the edge of the snow shows
+    through it, ever lower toward the hollow, as thin snow damps the roughness under it (Veitinger et al. 2014, The
+    Cryosphere 8, 547).
     """
     if thickness_m == 0.0:
         return np.zeros_like(below_m)
+    if feather_m:
+        risen = np.clip(below_m + feather_m, 0.0, 2.0 * feather_m)
+        below_m = np.maximum(below_m, risen * risen / (4.0 * feather_m))
     e = np.clip(below_m, 0.0, 2.0 * thickness_m)
     return e - e * e / (4.0 * thickness_m)

@@ -288,6 +288,12 @@ class HillsSettings(
         ("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
         ("CRESTS", "Ridged", "Ranges with sharp crests"),
         ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"))
+    outcrops: float = fraction(
+        "Outcrops", 0.0, "Share of the hills where broken ice stands out of smoother slopes, in places of all widths; "
+        "0 for none", "geometry", section=ADVANCED, since="0.4")
+    outcrop_m: float = metres(
+        "Outcrop Width", 8.0, 0.1, 1.0e4, (1.0, 50.0), "Width of the widest pieces of ice in outcrops. Narrower ones "
+        "follow the law of the hills", "geometry", section=ADVANCED, active=positive("outcrops"), since="0.4")
     patchiness: float = fraction(
         "Patchiness", 0.0, "How much the roughness of the ground beyond the patch varies in patches, from twice the "
         "largest feature of the ground to the widest hills: the standard deviation of its logarithm. Its mean square "

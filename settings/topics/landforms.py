@@ -175,6 +175,10 @@ class MantleSettings(Table, label="Mantle", parent=LANDFORMS, turned_on_by="thic
     length_m: float = metres(
         "Smoothing Length", 1.5, 1.0e-3, 1.0e5, (0.1, 10.0), "Wavelength below which the surface of the snow is smooth",
         "geometry")
+    feather_m: float = metres(
+        "Feather", 0.0, 0.0, 100.0, (0.0, 0.3), "Height over which the snow thins out: ground up to this far above the "
+        "snow has a thin cover, and ground as far below shows through softened; 0 for snow that ends at an edge",
+        "geometry", active=positive("thickness_m"), since="0.4")
 
 
 class TalusSettings(Table, label="Talus", parent=LANDFORMS, turned_on_by="share", shown=PROCEDURAL, since="0.4"):

@@ -104,6 +104,11 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "out to the horizon; 0 for no rocks there. The maximum number of rocks applies to them separately", "geometry",
         "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")
+    beyond_largest: float = number(
+        "Largest Distant Rock", 1.0, 1.0, 100.0, (1.0, 20.0), "Diameter of the largest rocks beyond the patch over "
+        "that of the largest ones on it. The law of sizes goes on there, with rocks that a site for a lander does not "
+        "have", "geometry", "x", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"), active=positive("beyond_px"),
+        since="0.4")
     mask_file: str = mask_file(
         "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")
     at_rest: bool = tick(

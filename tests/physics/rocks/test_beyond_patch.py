@@ -8,7 +8,7 @@ import pytest
 from icymoon.physics.rocks.beyond_patch import ViewBeyond, draw_beyond, make_view_beyond
 from icymoon.physics.rocks.place_rocks import scatter_rocks
 from icymoon.physics.rocks.rock_shapes import make_rock_shapes
-from icymoon.physics.rocks.size_laws import make_size_law
+from icymoon.physics.rocks.size_laws import make_law_beyond, make_size_law
 from icymoon.settings.description import defaults, merged
 
 SIZE_M, VIEW = 20.0, ViewBeyond(0.003, 1.6, 1e5)
@@ -48,6 +48,36 @@ def test_there_are_as_many_as_the_law_has_of_those_that_are_seen(law):
         expected = np.sum(2 * np.pi * r * density) * (r[1] - r[0])
         found = np.sum((radius >= low) & (radius < high))
         assert found == pytest.approx(expected, abs=5 + 4 * math.sqrt(expected))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_law_goes_on_beyond_the_patch_with_as_many_of_each_size(law):
+    rocks = _rocks(**LAWS[law])
+    patch, beyond = make_size_law(rocks), make_law_beyond(_rocks(**LAWS[law], beyond_largest=8.0))
+    assert float(beyond.diameter_m(np.zeros(1))[0]) == pytest.approx(8.0 * rocks.largest_m)
+    sizes = np.geomspace(rocks.smallest_m, rocks.largest_m, 20)
+    between = [-np.diff(each.per_m2_above(sizes)) for each in (patch, beyond)]
+    assert np.allclose(*between, rtol=1e-3)  # the table of Golombek's law has other nodes
+    larger = float(beyond.per_m2_above(np.array(rocks.largest_m)))
+    assert beyond.total_per_m2 == pytest.approx(patch.total_per_m2 + larger, rel=1e-3)
+    if law == "power":
+        assert larger == pytest.approx(
+            patch.total_per_m2 * (1 - 8.0**-3) / ((rocks.largest_m / rocks.smallest_m) ** 3 - 1), rel=1e-9
+        )
+
+
+def test_larger_rocks_beyond_the_patch_are_seen_farther_and_none_reaches_onto_it():
+    near, far = (
+        draw_beyond(_rocks(beyond_largest=times), SIZE_M, VIEW, np.random.default_rng(2)) for times in (1.0, 8.0)
+    )
+    assert near.diameter_m.max() <= 0.8 < far.diameter_m.max() <= 6.4
+    assert np.hypot(*far.places_m.T).max() > 3.0 * np.hypot(*near.places_m.T).max()
+    assert (np.abs(far.places_m).max(axis=1) > SIZE_M / 2 + far.diameter_m / 2).all()
+
+
+def test_rocks_of_one_size_have_no_law_that_goes_on():
+    rocks = _rocks(smallest_m=0.3, largest_m=0.3, beyond_largest=8.0)
+    assert make_law_beyond(rocks) == make_size_law(rocks)
 
 
 def test_rocks_beside_the_patch_have_all_sizes_of_the_law():

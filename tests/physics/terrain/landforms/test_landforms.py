@@ -478,6 +478,49 @@ def test_the_law_of_the_snow():
     assert np.abs(np.diff(snow, 2))[below[1:-1] > 0.01].max() < 1.01e-6 / (2 * 0.5)
 
 
+@pytest.mark.parametrize("feather", [0.02, 0.3, 1.0])
+def test_feathered_snow_thins_out_without_a_crease(feather):
+    below = np.linspace(-2.0, 3.0, 5001)
+    step, sharp, soft = below[1] - below[0], snow_depth_m(below, 0.5), snow_depth_m(below, 0.5, feather)
+    beyond = np.abs(below) > feather + 1e-9
+    assert np.array_equal(soft[beyond], sharp[beyond])  # the law is as before where the edge is not near
+    assert np.all(soft[~beyond][1:-1] > sharp[~beyond][1:-1])
+    assert np.all(soft[below < -feather] == 0.0)
+    assert np.all(soft <= 0.5)
+    assert np.all(np.diff(soft) >= 0)
+    assert np.all(np.diff(below - soft) >= -1e-12)  # what was lower stays lower
+    # No crease: the curvature is at most that of the start, 1/2w, plus that of the law, 1/2T.
+    assert np.abs(np.diff(soft, 2)).max() <= (1 / (2 * feather) + 1 / (2 * 0.5)) * step**2 * (1 + 1e-6)
+    at_edge = feather / 4
+    assert snow_depth_m(np.zeros(1), 0.5, feather)[0] == pytest.approx(at_edge - at_edge**2 / 2)
+
+
+def test_feathered_snow_damps_roughness_gradually_from_bare_to_buried_ground():
+    """Waves of a millimetre on ground that falls from 0.1 m above to 0.1 m below the snow's surface."""
+    below, wave = np.linspace(-0.1, 0.1, 41), 0.001
+    crest, trough = (below + sign * wave - snow_depth_m(below + sign * wave, 1e6, 0.08) for sign in (1, -1))
+    left = (crest - trough) / (2 * wave)  # share of the roughness that shows
+    assert np.allclose(left[below < -0.082], 1.0)
+    assert np.allclose(left[below > 0.082], 0.0, atol=1e-6)
+    # The depth grows by (e + w)²/4w, so the share that is left falls linearly.
+    inside = np.abs(below) < 0.078
+    assert np.allclose(left[inside], (0.08 - below[inside]) / 0.16, atol=1e-3)
+
+
+def test_a_feather_changes_the_ground_only_near_the_edge_of_its_snow():
+    sharp, soft = (
+        make_terrain(merged(defaults(), {"mantle": {"thickness_m": 0.2, "length_m": 2.0, "feather_m": w}}), 1)
+        for w in (0.0, 0.05)
+    )
+    axis = np.linspace(-10, 10, 201)
+    at = axis[None, :], axis[:, None]
+    changed = soft.heights(*at) - sharp.heights(*at)
+    assert changed.min() >= 0.0
+    assert 0.9 * 0.05 / 4 < changed.max() <= 0.05 / 4 + 1e-12  # the most that the start of the snow rises by
+    assert np.allclose(soft.measure_loose(*at) - sharp.measure_loose(*at), changed, atol=1e-12)  # all of it is loose
+    assert 0.05 < np.mean(changed == 0.0) < 0.95
+
+
 @pytest.mark.parametrize("thickness", [0.05, 0.5, 1000.0])
 def test_snow_fills_hollows_and_never_raises_a_ridge(thickness):
     parts = {"terrain": {"rms_slope_deg": 20.0}, "ridges": {"height_m": 0.6, "sets": 1}}

@@ -1,0 +1,85 @@
+"""Outcrops on distant hills: pieces of broken ice that stand out of smoother slopes, in places of all widths.
+
+Where fines cover slopes, what stands higher than the cover is bare. The pieces have the heights that the law of the
+hills states for relief as wide as they are, and a level that varies over places of all widths is their cover: only
+what is above it shows. That ice breaks like this on either moon is a guess.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from ...settings.topics.ground import HillsSettings, TerrainLayer
+from ...support.arrays import Array, Numbers
+from .noise_layers import MAX_OCTAVES, NoiseLayer, make_layer
+
+#: Deviation of the level of the cover over that of the heights of pieces.
+_COVER = 1.5
+#: Height over which pieces rise out of the cover, over the deviation of their heights.
+_FEATHER = 0.3
+#: Width of the narrowest places, in widths of the widest pieces.
+_NARROWEST = 4.0
+#: Deviation of the heights of pieces over that of the law; the rest lies under the cover.
+_RELIEF = 0.5
+#: Height above the cover, over the deviation of their heights, that pieces do not reach.
+_HIGHEST = 6.0
+_LACUNARITY = 2.0
+
+
+@dataclass(frozen=True)
+class Outcrops:
+    """Pieces and their cover, both of unit deviation; heights in metres are ``scale_m`` times what is above
+    ``level``."""
+
+    pieces: NoiseLayer
+    places: NoiseLayer
+    level: float
+    scale_m: float
+
+    def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
+        """Heights in metres above the slopes at coordinates that broadcast, without waves under ``shortest_m``."""
+        x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
+        above = _COVER * self.places.heights(x_m, y_m, shortest_m) - self.level
+        made = np.zeros(above.shape)
+        near = above > -_HIGHEST
+        if near.any():
+            above = above[near] + self.pieces.heights(x_m[near], y_m[near], shortest_m[near])
+            risen = np.clip(above + _FEATHER, 0.0, 2.0 * _FEATHER)
+            made[near] = self.scale_m * np.maximum(above, risen * risen / (4.0 * _FEATHER))
+        return made
+
+
+def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcrops | None:
+    """The outcrops of hills; None where there are none, or where all hills are narrower."""
+    widest, baseline, hurst = float(settings.outcrop_m), float(settings.slope_baseline_m), float(settings.hurst)
+    narrowest = _NARROWEST * widest
+    if settings.outcrops == 0.0 or settings.largest_m < narrowest:
+        return None
+    octaves = 1 + round(math.log(max(widest / settings.smallest_m, 1.0), _LACUNARITY))
+    pieces = _make_layer("BROKEN", widest, octaves, float(f"{_LACUNARITY**-hurst:.9e}"), random)
+    count = 1 + math.floor(math.log(settings.largest_m / narrowest, _LACUNARITY))
+    places = _make_layer("GRADIENT", float(settings.largest_m), count, 1.0, random)
+    share = min(max(float(settings.outcrops), 1e-6), 1.0 - 1e-6)
+    level = NormalDist(0.0, math.hypot(1.0, _COVER)).inv_cdf(1.0 - share)
+    rise_m = baseline * math.tan(math.radians(settings.rms_slope_deg)) * (widest / 2 / baseline) ** hurst
+    # Half their width apart, heights of relief without longer waves differ by the root of two times its deviation.
+    return Outcrops(pieces, places, float(f"{level:.9e}"), float(f"{_RELIEF * math.sqrt(0.5) * rise_m:.9e}"))
+
+
+def _make_layer(basis: str, widest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> NoiseLayer:
+    entry = TerrainLayer(
+        fractal="FBM",
+        amplitude_m=1.0,
+        scale_m=widest_m,
+        octaves=min(octaves, MAX_OCTAVES),
+        lacunarity=_LACUNARITY,
+        roughness=roughness,
+        warp_m=0.0,
+    ) | {"basis": basis}
+    made = make_layer(entry, random)
+    assert made is not None
+    return made
