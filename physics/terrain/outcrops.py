@@ -25,8 +25,6 @@ _FEATHER = 0.3
 _NARROWEST = 4.0
 #: Deviation of the heights of pieces over that of the law; the rest lies under the cover.
 _RELIEF = 0.5
-#: Height above the cover, over the deviation of their heights, that pieces do not reach.
-_HIGHEST = 6.0
 _LACUNARITY = 2.0
 
 
@@ -42,15 +40,10 @@ class Outcrops:
 
     def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         """Heights in metres above the slopes at coordinates that broadcast, without waves under ``shortest_m``."""
-        x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
-        above = _COVER * self.places.heights(x_m, y_m, shortest_m) - self.level
-        made = np.zeros(above.shape)
-        near = above > -_HIGHEST
-        if near.any():
-            above = above[near] + self.pieces.heights(x_m[near], y_m[near], shortest_m[near])
-            risen = np.clip(above + _FEATHER, 0.0, 2.0 * _FEATHER)
-            made[near] = self.scale_m * np.maximum(above, risen * risen / (4.0 * _FEATHER))
-        return made
+        above = self.pieces.heights(x_m, y_m, shortest_m) - self.level
+        above += _COVER * self.places.heights(x_m, y_m, shortest_m)
+        risen = np.clip(above + _FEATHER, 0.0, 2.0 * _FEATHER)
+        return np.asarray(self.scale_m * np.maximum(above, risen * risen / (4.0 * _FEATHER)))
 
 
 def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcrops | None:
