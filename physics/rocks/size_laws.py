@@ -164,9 +164,10 @@ def make_law_beyond(rocks: RocksSettings) -> SizeLaw:
     law = make_size_law(rocks)
     if rocks.beyond_largest == 1.0 or law.smallest_m == law.largest_m:
         return law
-    longer = replace(law, largest_m=law.largest_m * float(rocks.beyond_largest))
-    if isinstance(longer, GolombekLaw):
-        return longer
+    largest = law.largest_m * float(rocks.beyond_largest)
+    if isinstance(law, GolombekLaw):
+        return replace(law, largest_m=largest)
+    longer = replace(law, largest_m=largest)
     # The coverage of a power law fixes its number of rocks, and larger rocks add coverage.
     shared = longer.total_per_m2 - float(longer.per_m2_above(np.array(law.largest_m)))
     return replace(longer, coverage=law.coverage * law.total_per_m2 / shared)
