@@ -228,6 +228,8 @@ IDLE = {
 _SKIRTS = {"skirt_repose_deg", "skirt_drift", "skirt_azimuth_deg"}
 #: What only rocks with debris use.
 _DEBRIS = {"debris_smallest_m", "debris_index", "debris_reach", "debris_most"}
+#: What only rocks beyond the patch use.
+_BEYOND = {"beyond_largest"}
 #: What only rocks at rest use.
 _REST = {"rolling_deg"}
 #: What only baked light uses.
@@ -247,7 +249,8 @@ CASES = [
     ("talus", {"talus": {"share": 1.0, "cohesion_pa": 0.0}}, "but", {"weakness"}),
     ("talus", {"talus": {"share": 1.0}, "source": {"kind": "HEIGHT_MAP", "detail": True}}, "only", set()),
     ("hills", {}, "only", {"rms_slope_deg"}),
-    ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
+    ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", {"outcrop_m"}),
+    ("hills", {"hills": {"rms_slope_deg": 1.0, "outcrops": 0.1}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
     ("source", {}, "only", {"kind"}),
     (
@@ -406,45 +409,51 @@ CASES = [
     ("rocks", {}, "only", {"coverage"}),
     (
         "rocks",
-        {"rocks": {"coverage": 0.01}},
+        {"rocks": {"coverage": 0.01, "beyond_px": 3.0}},
         "but",
         {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
+        {"rocks": {"coverage": 0.01}},
+        "but",
+        {"shape_file", "cluster_blocks", "cluster_radius_m", "file", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
+    ),
+    (
+        "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}},
         "but",
-        {"shape_file", "file", *_DEBRIS, *_REST, *_SKIRTS},
+        {"shape_file", "file", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "at_rest": True}},
         "but",
-        {"shape_file", "file", *_DEBRIS, *_SKIRTS},
+        {"shape_file", "file", *_BEYOND, *_DEBRIS, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "skirt": 0.2}},
         "but",
-        {"shape_file", "file", *_DEBRIS, *_REST},
+        {"shape_file", "file", *_BEYOND, *_DEBRIS, *_REST},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "source": {"kind": "MESH"}},
         "but",
-        {"shape_file", "beyond_px", "file", "skirt", *_DEBRIS, *_REST, *_SKIRTS},
+        {"shape_file", "beyond_px", "file", "skirt", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}},
         "but",
-        {"shape_file", "beyond_px", "file", *_DEBRIS, *_REST, *_SKIRTS},
+        {"shape_file", "beyond_px", "file", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}},
         "but",
-        {"shape_file", "power_index", "file", *_DEBRIS, *_REST, *_SKIRTS},
+        {"shape_file", "power_index", "file", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
     ),
     (
         "rocks",
@@ -460,6 +469,7 @@ CASES = [
             "cluster_blocks",
             "cluster_radius_m",
             "beyond_px",
+            *_BEYOND,
             *_DEBRIS,
             *_REST,
             *_SKIRTS,
@@ -469,7 +479,7 @@ CASES = [
         "rocks",
         {"rocks": {"coverage": 0.01, "clustering": 0.1, "family": "OWN"}},
         "but",
-        {"file", "angularity", *_DEBRIS, *_REST, *_SKIRTS},
+        {"file", "angularity", *_BEYOND, *_DEBRIS, *_REST, *_SKIRTS},
     ),
     ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
     ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),
