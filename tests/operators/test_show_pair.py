@@ -7,6 +7,7 @@ import subprocess
 import threading
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -73,7 +74,8 @@ def test_undo_leaves_the_pair_in_the_editors_that_showed_it(rendered, monkeypatc
 
 def test_the_window_of_a_new_pair_waits_for_the_field_that_is_held(rendered, monkeypatch):
     operator = show_pair.ShowsPair()
-    operator.automatic, operator._job = True, SimpleNamespace(poll=lambda: False)
+    ended: Any = SimpleNamespace(poll=lambda: False)
+    operator.automatic, operator._job = True, ended
     look = partial(operator.look, bpy.context)
     job_operators._notice_button(SimpleNamespace(type="LEFTMOUSE", value="PRESS"))
     assert look()
