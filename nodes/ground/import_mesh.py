@@ -148,11 +148,11 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: Array) -> Array | None:
 
 @dataclass(frozen=True)
 class PlacedMesh:
-    """The arrays of an instance of a mesh: positions (n, 3) float32 in its coordinates, the vertices and the corners of
-    its triangles (m, 3) int32, and its matrix (4, 4) to the world."""
+    """The arrays of an instance of a mesh: positions (n, 3) float32 in its coordinates, the vertices of its corners
+    (k,) and the corners of its triangles (m, 3) int32, and its matrix (4, 4) to the world."""
 
     positions: Array
-    triangles: Array
+    vertices: Array
     corners: Array
     matrix: Array
 
@@ -164,17 +164,17 @@ class PlacedMesh:
         mesh.calc_loop_triangles()
         corners = read_property(mesh.loop_triangles, "loops", np.int32, 3).reshape(-1, 3)
         if not len(mesh.vertices):
-            return cls(np.empty((0, 3), np.float32), corners, corners, np.eye(4))
+            return cls(np.empty((0, 3), np.float32), np.empty(0, np.int32), corners, np.eye(4))
         positions = read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3)
-        triangles = corners
+        vertices = np.empty(0, np.int32)
         if len(corners):
-            triangles = read_property(mesh.attributes[".corner_vert"].data, "value", np.int32)[corners]
-        return cls(positions, triangles, corners, np.array(instance.matrix_world, np.float64))
+            vertices = read_property(mesh.attributes[".corner_vert"].data, "value", np.int32)
+        return cls(positions, vertices, corners, np.array(instance.matrix_world, np.float64))
 
     def place(self) -> tuple[Array, Array, Array]:
         """Vertices (n, 3) float64 in world coordinates, vertices and corners (m, 3) of the triangles. Any thread
         may call this. A mirrored instance shows its other side, so its triangles are turned."""
-        triangles, corners, turned = self.triangles, self.corners, self.matrix[:3, :3]
+        triangles, corners, turned = self.vertices[self.corners], self.corners, self.matrix[:3, :3]
         if np.linalg.det(turned) < 0:
             triangles, corners = triangles[:, ::-1], corners[:, ::-1]
         return self.positions.astype(np.float64) @ turned.T + self.matrix[:3, 3], triangles, corners

@@ -34,7 +34,7 @@ def read_placed_meshes(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -
         if shown_by is None or shown_by.original != item or instance.object.type != "MESH":
             continue
         found.append(PlacedMesh.read(instance))
-        triangles += len(found[-1].triangles)
+        triangles += len(found[-1].corners)
         if triangles > MAX_TRIANGLES:
             raise IcyMoonError(
                 f"{item.name} has more than {MAX_TRIANGLES} triangles; leave some out, or make it coarser."
