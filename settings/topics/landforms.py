@@ -177,7 +177,7 @@ class MantleSettings(Table, label="Mantle", parent=LANDFORMS, turned_on_by="thic
         "geometry")
     feather_m: float = metres(
         "Feather", 0.0, 0.0, 100.0, (0.0, 0.3), "Height over which the snow thins out: ground up to this far above the "
-        "snow has a thin cover, and ground as far below shows through softened; 0 for none, where the snow ends at an edge",
+        "snow has a thin cover, and ground as far below shows through softened; 0 for none: the snow ends at an edge",
         "geometry", active=positive("thickness_m"), since="0.4")
 
 

@@ -56,8 +56,8 @@ def test_the_law_goes_on_beyond_the_patch_with_as_many_of_each_size(law):
     patch, beyond = make_size_law(rocks), make_law_beyond(_rocks(**LAWS[law], beyond_largest=8.0))
     assert float(beyond.diameter_m(np.zeros(1))[0]) == pytest.approx(8.0 * rocks.largest_m)
     sizes = np.geomspace(rocks.smallest_m, rocks.largest_m, 20)
-    within, wider = (-np.diff(each.per_m2_above(sizes)) for each in (patch, beyond))
-    assert np.allclose(within, wider, rtol=1e-3)  # the table of Golombek's law has other nodes
+    on_it, past_it = (-np.diff(each.per_m2_above(sizes)) for each in (patch, beyond))
+    assert np.allclose(on_it, past_it, rtol=1e-3)  # the table of Golombek's law has other nodes
     larger = float(beyond.per_m2_above(np.array(rocks.largest_m)))
     assert beyond.total_per_m2 == pytest.approx(patch.total_per_m2 + larger, rel=1e-3)
     if law == "power":
