@@ -159,9 +159,9 @@ def _index_buttons() -> WordIndex:
     return WordIndex(
         [
             make_entry(
-                (button.operator,),
+                (button.operator, name := button.operator.partition(".")[2]),
                 button.text,
-                f"{button.operator.partition('.')[2]} {button.also}",
+                f"{name} {button.also}",
                 button.place,
                 str(_find_classes()[button.operator].__doc__),
             )

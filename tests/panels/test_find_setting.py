@@ -117,6 +117,11 @@ def test_typed_words_find_the_button_and_its_place(scene, typed):
     assert place in labels
 
 
+def test_the_command_of_that_name_is_above_its_special_cases():
+    assert sidebar_buttons.find_buttons("decide")[0].button.text == "Decide Where to Dig"
+    assert sidebar_buttons.find_buttons("evaluate")[0].button.operator == "icymoon.evaluate"
+
+
 def test_buttons_on_which_the_word_is_are_above_the_settings(scene):
     kinds = [entry[0] for entry in draw("trench") if entry[0] in ("operator", "prop")][1:]
     assert kinds.index("operator") < kinds.index("prop")
