@@ -6,7 +6,8 @@ import bpy
 
 from ..nodes.build_scene import find_collection
 from ..nodes.preview import lacks_trench
-from . import results
+from ..settings.blender import scene_properties
+from . import last_variations, results
 from .kept_pairs import find_kept_pairs, list_changes_since_render
 from .render import explain_missing_denoiser
 
@@ -19,6 +20,8 @@ def find_next_step(scene: bpy.types.Scene) -> str:
     pairs = find_kept_pairs(scene)
     if not pairs or (len(pairs) == 1 and list_changes_since_render(scene, pairs[0])):
         return f"Next: {'Choose Another Denoiser' if explain_missing_denoiser(scene) else 'Render Stereo Pair'}"
+    if scene_properties.read_variations(scene.icymoon).varied and not last_variations.find_pairs(scene):
+        return "Next: Vary This Scene, below"
     found = results.read_stored_results(scene)
     evaluated = found is not None and (found.scope == "DATASET" or {path.name for path in pairs} <= {*found.pairs})
     if evaluated and not results.list_changed_settings(scene):

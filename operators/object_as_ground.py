@@ -13,7 +13,7 @@ import bpy
 from ..formats.ply import encode_triangles
 from ..library.inputs import Input
 from ..nodes import build_scene as scenes
-from ..nodes.ground.object_mesh import find_metres_per_unit, join_meshes, read_placed_meshes
+from ..nodes.ground.object_mesh import find_metres_per_unit, is_shaded_flat, join_meshes, read_placed_meshes
 from ..settings.blender import scene_properties
 from ..support.arrays import Array
 from ..support.printer import show_controls
@@ -94,6 +94,7 @@ class ICYMOON_OT_object_as_ground(SelectedMeshOperator, GroundOperator, bpy.type
 
     def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
         unit_m, folder = find_metres_per_unit(context.scene), context.scene.icymoon.dataset.folder
+        flat = is_shaded_flat(context.active_object, context.evaluated_depsgraph_get())
         told = "" if unit_m == 1.0 else f"; a unit of this scene is {unit_m:g} m"
         encode = partial(encode_triangles, ("x", "y", "z"))
         path = yield from self.keep_mesh_in_steps(context, "source.file", ".ply", encode, told)
@@ -102,6 +103,7 @@ class ICYMOON_OT_object_as_ground(SelectedMeshOperator, GroundOperator, bpy.type
             "file": shorten_path(path, folder),
             "scale": 1.0,
             "up_axis": "Z",
+            "flat_faces": flat,
             "centre": False,
             "origin_x_m": 0.0,
             "origin_y_m": 0.0,

@@ -23,7 +23,6 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .list_editing import EditedList, MoveEntry, RemoveEntry
 from .operator_type import ExplainedOperator
-from .session import session
 from .sidebar_text import format_for_window
 
 #: Number of values of a setting that the panel shows.
@@ -129,7 +128,6 @@ class ICYMOON_OT_vary(_ValueFields, ExplainedOperator, bpy.types.Operator):
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         scene_properties.write_varied(root, varied)
-        session.ended = "Go on in Vary This Scene, below"
         self.report(
             {"INFO"}, f"{find_label(self.setting)} varies; Data Set ▸ Vary This Scene ▸ Render These Variations is next"
         )

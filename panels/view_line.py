@@ -5,11 +5,11 @@ from __future__ import annotations
 import bpy
 
 #: A text about as long as the longest line that changes while the user works on a scene.
-LONGEST = "Rendered view: as the pair by auto exposure, but for noise, half resolution, coarse ground"
+LONGEST = "Rendered view, auto exposure: as the pair, but for noise, half resolution, coarse ground"
 #: Texts on the comparison with a pair, by the result of ``view_exposure.describe_exposure``.
 _COMPARISON_TEXTS = {
     "": "as the pair, but for noise",
-    "automatic": "as the pair by auto exposure, but for noise",
+    "automatic": "as the pair, but for noise",
     "other": "as the pair, but for exposure and noise",
     "estimated": "as the pair, exposure estimated",
 }
@@ -49,6 +49,7 @@ def describe_view(
     if shading.type == "RENDERED" and engine == "CYCLES":
         if covered:
             return f"{name}: a picture of the scene until it is clear"
+        name += ", auto exposure" if exposed == "automatic" else ""
         return (
             f"{name}: {_COMPARISON_TEXTS[exposed]}{', half resolution' if coarse else ''}"
             f"{', coarse ground' if coarse_ground else ''}"

@@ -18,6 +18,19 @@ def find_metres_per_unit(scene: bpy.types.Scene) -> float:
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
+def is_shaded_flat(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether most faces of an object, with its modifiers, are shaded flat; False for an object without a mesh."""
+    if item.type != "MESH":
+        return False
+    mesh = item.evaluated_get(depsgraph).data
+    sharp = mesh.attributes.get("sharp_face")  # Blender keeps none where all faces are smooth
+    if sharp is None or not len(mesh.polygons):
+        return False
+    values = np.empty(len(mesh.polygons), np.bool_)
+    sharp.data.foreach_get("value", values)
+    return bool(values.mean() > 0.5)
+
+
 def read_object_mesh(
     item: bpy.types.Object, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
 ) -> tuple[Array, Array]:

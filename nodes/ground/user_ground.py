@@ -32,7 +32,7 @@ from ..datablocks.blend_file_paths import find_used_files
 from . import import_heights
 from .import_mesh import read_mesh
 from .surroundings import MapOfSite, surround
-from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
+from .terrain_mesh import build_mesh_from_arrays, shade_flat, shortest_wavelength_m
 
 #: Limits in metres of the size of a ground. A ground outside these limits cannot be a landing site in any unit.
 _MIN_SIZE_M, _MAX_SIZE_M = 1e-3, 1e5
@@ -66,7 +66,8 @@ SUFFIXES = (*mesh_file.FORMATS, *map_site.SUFFIXES)
 
 @dataclass(frozen=True)
 class UserGround:
-    """A ground from a file: vertices (n, 3), faces (m, 3 or 4), and UV coordinates (m, 3, 2) of the corners or None.
+    """A ground from a file: vertices (n, 3), faces (m, 3 or 4), and UV coordinates (m, 3, 2) of the corners or None;
+    ``flat`` if each face is shaded flat.
 
     ``surface`` gives its heights. ``report`` contains the findings of the import, and ``warnings`` are for the user.
     ``map_place`` is the position of its origin on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height in
@@ -81,10 +82,14 @@ class UserGround:
     warnings: tuple[str, ...]
     uv: Array | None = None
     map_place: dict[str, Any] | None = None
+    flat: bool = False
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """A smooth-shaded mesh of the ground."""
-        return build_mesh_from_arrays(name, self.positions, self.faces, uv=self.uv)
+        """The mesh of the ground, smooth-shaded unless ``flat``."""
+        mesh = build_mesh_from_arrays(name, self.positions, self.faces, uv=self.uv)
+        if self.flat:
+            shade_flat(mesh, np.ones(len(self.faces), bool))
+        return mesh
 
     def find_nearest_height_m(self, x_m: float, y_m: float) -> float:
         """Height in metres of the vertex that is nearest on the map."""
@@ -244,7 +249,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         positions, faces, uv, sentence = _add_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv, place)
+    surface = MeshGround(positions, faces)
+    return UserGround(positions, faces, surface, tuple(report), tuple(warnings), uv, place, flat=source.flat_faces)
 
 
 def _add_roughness(

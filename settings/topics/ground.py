@@ -64,6 +64,9 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         ("-Y", "-Y", "-Y points up"),
         ("-Z", "-Z", "-Z points up"),
         shown=chosen("kind", "MESH", "STAND_IN"))
+    flat_faces: bool = tick(
+        "Flat Faces", False, "Shade each triangle of the mesh flat. Otherwise shading is smooth across edges, which "
+        "suits dense meshes", "geometry", shown=chosen("kind", "MESH", "STAND_IN"), since="0.4")
     centre: bool = tick(
         "Origin at Centre", True, "Put the origin at the centre of the ground and at its median height. Otherwise the "
         "coordinates of the file are kept", "geometry", section=SITE, shown=FROM_FILE)

@@ -41,6 +41,14 @@ def test_a_pair_of_other_settings_is_rendered_again(rendered):
     assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
 
 
+def test_after_vary_the_variations_are_next(rendered):
+    assert next_step.find_next_step(rendered).startswith("Next: Evaluate")
+    bpy.ops.icymoon.vary(setting="surface.albedo")
+    assert next_step.find_next_step(rendered) == "Next: Vary This Scene, below"
+    bpy.ops.icymoon.variation_remove()
+    assert next_step.find_next_step(rendered).startswith("Next: Evaluate")
+
+
 def test_a_choice_that_the_render_makes_is_no_other_setting(small):
     small.icymoon.quality.indirect = "AUTO"
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}

@@ -80,6 +80,17 @@ def test_the_ground_is_the_object_in_its_place(scene):
     assert np.allclose([low, high], [wanted.min(0), wanted.max(0)], atol=1e-5)
 
 
+@pytest.mark.parametrize(("flat_share", "is_flat"), [(0.0, False), (0.25, False), (0.75, True), (1.0, True)])
+def test_the_ground_is_shaded_as_most_of_the_object(scene, flat_share, is_flat):
+    hill = select(add_grid())
+    count = len(hill.data.polygons)
+    hill.data.polygons.foreach_set("use_smooth", np.arange(count) >= flat_share * count)
+    assert bpy.ops.icymoon.object_as_ground() == {"FINISHED"}
+    assert scene.icymoon.source.flat_faces is is_flat
+    smooth = [face.use_smooth for face in scenes.find_built(scene).terrain.data.polygons]
+    assert smooth == [not is_flat] * len(smooth)
+
+
 def test_modifiers_count_as_they_are_shown(scene):
     item = add_grid()
     flat = len(read(scene)[1])

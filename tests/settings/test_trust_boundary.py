@@ -318,7 +318,6 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
         "build.py",
         "build_in_pieces.py",
         "live_preview.py",
-        "import_ground.py",
         "change_and_build.py",
         "presets.py",
         "render_variations.py",
