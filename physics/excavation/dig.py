@@ -236,16 +236,22 @@ class ExcavationSeries:
         volume = mass_kg / self.spoil_kg_m3
         if volume <= 0:
             return
-        grid, area = self.site.grid, self.site.grid.cell_m**2
-        before, lumps = self.measure_heaped_m3(number - 1), self._make_lumps_m()
-        crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
-        less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
-        more = np.maximum(more - less, 0.0)
-        more *= volume / (float(more.sum()) * area)
         dust = float(self.excavation.dust_share)
+        if dust < 1.0:
+            layers.spoil += self._grow_heap(number, volume, 1.0 - dust)
         if dust > 0.0:
-            more = (1.0 - dust) * more + spread_dust(grid, dust * more, float(self.excavation.drop_m))
-        layers.spoil += more
+            landed = dust * self._grow_heap(number, volume, 1.0)
+            layers.spoil += spread_dust(self.site.grid, landed, float(self.excavation.drop_m))
+
+    def _grow_heap(self, number: int, volume_m3: float, share: float) -> Array:
+        """Thickness (rows, columns) in metres by which a heap of this share of all spoil grows from a volume of
+        spoil."""
+        grid, before, lumps = self.site.grid, self.measure_heaped_m3(number - 1), self._make_lumps_m()
+        crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
+        volumes = (share * before, share * (before + volume_m3))
+        less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in volumes)
+        more = np.maximum(more - less, 0.0)
+        return np.asarray(more * (share * volume_m3 / (float(more.sum()) * grid.cell_m**2)))
 
     def measure_heaped_m3(self, state: int) -> float:
         """Volume of the spoil that was dropped on the heap up to a state."""

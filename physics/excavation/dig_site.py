@@ -213,8 +213,8 @@ def _place_heap(
     length = (end - start) if excavation.path in (RECORDED, JOINTS) else float(excavation.length_m)
     low, high = (start, end) if excavation.path in (RECORDED, JOINTS) else (0.0, length)
     area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
-    heaped = excavation.heaped_share * (1.0 - excavation.dust_share)
-    volume = heaped * excavation.bulking * area * max(deepest, 0.0)
+    # Dust counts too: what does not fly far lies on the heap.
+    volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
     height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
     foot = height / math.tan(math.radians(excavation.friction_deg))
     away = half + slumped + excavation.heap_gap_m + foot

@@ -114,3 +114,20 @@ def test_a_dusty_excavation_has_room_for_its_apron():
     wider = made.site.grid.columns - clean.site.grid.columns
     assert wider * 0.005 == pytest.approx(2 * dust_apron.find_reach_m(0.3), rel=0.35)
     assert description.defaults()["excavation"]["dust_share"] == 0.0
+
+
+@pytest.mark.parametrize("dust_share", [0.3, 0.9, 1.0])
+def test_dust_that_hardly_flies_leaves_the_heap_beside_the_trench(dust_share):
+    clean, dusty = series().facts(3), series(dust_share=dust_share, drop_m=0.001).facts(3)
+    assert dusty["taken_by_state_m3"] == pytest.approx(clean["taken_by_state_m3"], rel=1e-12)
+    assert dusty["advice"] == clean["advice"]
+
+
+@pytest.mark.parametrize("dust_share", [0.3, 0.7])
+def test_the_heap_among_its_dust_has_the_angle_of_friction(dust_share):
+    made = series(dust_share=dust_share, drop_m=2.0, cell_m=0.01)
+    spoil = made.at(3).layers.spoil
+    east = np.abs(np.diff(spoil, axis=1))
+    crest = np.unravel_index(spoil.argmax(), spoil.shape)[0]
+    # Grains that fly a metre are spread evenly over the flanks.
+    assert east[crest].max() / 0.01 == pytest.approx(math.tan(math.radians(38.0)), rel=0.03)
