@@ -176,7 +176,8 @@ def _lay_out_site(
         raise IcyMoonError(
             f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
             f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MAX_GRID_SIDE} along a "
-            "side; raise excavation.cell_m, or dig less."
+            f"side; raise excavation.cell_m, {'lower excavation.drop_m, ' if excavation.dust_share > 0.0 else ''}"
+            "or dig less."
         )
     return ExcavationSite(tuple(_mark(each, marks) for each in pulls), heap, grid, stands, trench, lowest)
 

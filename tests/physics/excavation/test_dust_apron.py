@@ -10,6 +10,7 @@ from icymoon.physics.excavation.clods import find_least_width_m
 from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.dig_grid import ExcavationGrid
 from icymoon.settings import description
+from icymoon.support.errors import IcyMoonError
 
 DROP_M = 0.2
 DUG = {"path": "LINE", "states": 4, "bite_m": 0.04, "length_m": 0.2, "cell_m": 0.005, "start_y_m": 0.1}
@@ -131,3 +132,10 @@ def test_the_heap_among_its_dust_has_the_angle_of_friction(dust_share):
     crest = np.unravel_index(spoil.argmax(), spoil.shape)[0]
     # Grains that fly a metre are spread evenly over the flanks.
     assert east[crest].max() / 0.01 == pytest.approx(math.tan(math.radians(38.0)), rel=0.03)
+
+
+def test_an_apron_too_wide_for_its_cells_is_refused_with_the_height_of_the_drop():
+    with pytest.raises(IcyMoonError, match=r"lower excavation\.drop_m, or dig less"):
+        series(dust_share=0.3, drop_m=2.0, cell_m=0.002)
+    with pytest.raises(IcyMoonError, match=r"raise excavation\.cell_m, or dig less"):
+        series(drop_m=2.0, cell_m=0.0002)
