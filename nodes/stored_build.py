@@ -8,6 +8,9 @@ beside it, see ``ground.mesh_edges``.
 from __future__ import annotations
 
 import json
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -59,9 +62,13 @@ def read_build(path: Path) -> MadeObjects:
 
 def read_build_in_steps(path: Path) -> Steps[MadeObjects]:
     """The objects of a stored build, in no collection yet, with what the build has recorded, in steps. Nothing that was
-    read remains if the steps end early. Raises IcyMoonError if a part is removed meanwhile."""
-    edges = yield partial(read_edges, _find_edges_file(path))
-    made = _read_objects(path)
+    read remains if the steps end early. Raises IcyMoonError if a file is gone or damaged, or if a part is removed
+    meanwhile."""
+    edges_file = _find_edges_file(path)
+    with _name_unreadable(edges_file):
+        edges = yield partial(read_edges, edges_file)
+    with _name_unreadable(path):
+        made = _read_objects(path)
     made.keep_sky(True)  # the live preview removes worlds without users
     try:
         yield None
@@ -74,6 +81,18 @@ def read_build_in_steps(path: Path) -> Steps[MadeObjects]:
         raise
     made.keep_sky(False)
     return made
+
+
+@contextmanager
+def _name_unreadable(path: Path) -> Iterator[None]:
+    """Raise IcyMoonError for a file that cannot be read."""
+    try:
+        yield
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
+        raise IcyMoonError(
+            f"{path}: the scene that another Blender has built cannot be read ({' '.join(str(error).split())}); build "
+            "it again, and if that fails too, free space in this folder."
+        ) from None
 
 
 def _read_objects(path: Path) -> MadeObjects:

@@ -16,6 +16,7 @@ from icymoon.nodes.stored_build import read_build, read_build_in_steps, write_bu
 from icymoon.operators import refine_ground
 from icymoon.render.build_worker import write_scene
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
 from pieces import count_pauses, stop_after, walk
 
 KINDS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "collections", "worlds", "images")
@@ -89,6 +90,22 @@ def test_blender_reads_a_ground_without_edges_at_once(scene, tmp_path):
     for pauses in range(1, count + 1):
         stop_after(read_build_in_steps(path), pauses)
         assert everything() == before
+
+
+@pytest.mark.parametrize("suffix", [".blend", ".edges.npz"])
+@pytest.mark.parametrize("left", [None, 0, 3000], ids=["gone", "empty", "cut"])
+def test_a_damaged_file_is_named_and_leaves_nothing(scene, tmp_path, suffix, left):
+    path = tmp_path / "built.blend"
+    write_build(scenes.build_scene(scene, make_settings()), path)
+    scenes.clear_scene(scene)
+    damaged, before = path.with_suffix(suffix), everything()
+    if left is None:
+        damaged.unlink()
+    else:
+        damaged.write_bytes(damaged.read_bytes()[:left])
+    with pytest.raises(IcyMoonError, match=rf"built\{suffix}: .* cannot be read \(.+\); build it again"):
+        read_build(path)
+    assert everything() == before
 
 
 def test_an_edit_of_a_scene_from_a_file_is_found(scene, tmp_path):
