@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from icymoon.benchmarks import FOLDER
+from icymoon.support.errors import IcyMoonError
 
 COMMON = Path(__file__).parent.name
 
@@ -61,9 +62,14 @@ def make_parser(name: str) -> argparse.ArgumentParser:
 
 
 def run(words: list[str]) -> int:
-    """Run the study named by the first word, with the other words as its options; return the exit status."""
+    """Run the study named by the first word, with the other words as its options; return the exit status. SystemExit
+    with the sentence of an IcyMoonError."""
     if not words or words[0] in ("-h", "--help"):
         print(list_studies())
         return 0
     name, *options = words
-    return int(load(name).main(make_parser(name).parse_args(options)) or 0)
+    options_read = make_parser(name).parse_args(options)
+    try:
+        return int(load(name).main(options_read) or 0)
+    except IcyMoonError as error:
+        raise SystemExit(str(error)) from None

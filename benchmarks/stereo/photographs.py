@@ -21,6 +21,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from icymoon.support.arrays import Array
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import write_text
 
 #: Sizes of Aloe, as parts of its width; its focal length in px and its baseline in m, as Middlebury states them.
@@ -32,6 +33,11 @@ _BOARD, _SQUARE_M = (9, 6), 0.025
 _BOARD_PART = 2
 #: Half of the window in which a corner is refined, px.
 _CORNER_WINDOW_PX = (5, 5)
+#: Where the samples are, for errors.
+_WHERE = (
+    "state the folder of Debian's package opencv-doc, /usr/share/doc/opencv-doc/examples/data, or samples/data in the "
+    "source of OpenCV"
+)
 #: Steps, and least change in px, of a corner's refinement; of a calibration's too.
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-5)
 
@@ -49,6 +55,14 @@ class Rectified(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("samples", type=Path, help="folder of OpenCV's sample images")
     parser.add_argument("--out", type=Path, required=True, help="folder of the data sets to write")
+
+
+def read_sample(path: Path, depth: int = cv2.IMREAD_GRAYSCALE) -> Array:
+    """An image (H, W) of the samples. Raises IcyMoonError if there is none."""
+    image = cv2.imread(str(path), depth)
+    if image is None:
+        raise IcyMoonError(f"{path}: is missing, or no image; {_WHERE}.")
+    return np.asarray(image)
 
 
 def shrink(image: Array, part: int) -> Array:
@@ -79,26 +93,28 @@ def write_layout(folder: Path, focal_px: float, baseline_m: float) -> None:
 def write_aloe(samples: Path, part: int, folder: Path) -> None:
     """Write Aloe at a ``part`` of its width. The truth is of the middle of each pixel: a mean of two depths is on
     neither."""
-    truth = cv2.imread(str(samples / "aloeGT.png"), cv2.IMREAD_UNCHANGED).astype(np.float32)
-    eyes = [shrink(cv2.imread(str(samples / file), cv2.IMREAD_GRAYSCALE), part) for file in ("aloeL.jpg", "aloeR.jpg")]
+    truth = read_sample(samples / "aloeGT.png", cv2.IMREAD_UNCHANGED).astype(np.float32)
+    eyes = [shrink(read_sample(samples / file), part) for file in ("aloeL.jpg", "aloeR.jpg")]
     middle = truth[part // 2 :: part, part // 2 :: part]
     write_pair(folder, "aloe", eyes, middle[: eyes[0].shape[0], : eyes[0].shape[1]] / part)
     write_layout(folder, _ALOE_FOCAL_PX / part, _ALOE_BASELINE_M)
 
 
-def find_corners(image: Array) -> Array:
-    """The inner corners (N, 2) of the board in an image, px."""
+def find_corners(image: Array, name: str) -> Array:
+    """The inner corners (N, 2) of the board in an image, px. Raises IcyMoonError if image ``name`` shows no board."""
     is_found, corners = cv2.findChessboardCorners(image, _BOARD)
-    assert is_found, "a sample shows no whole chessboard"
+    if not is_found:
+        raise IcyMoonError(
+            f"{name}: no chessboard of {_BOARD[0]} x {_BOARD[1]} inner corners is found; remove this pair's two files."
+        )
     return np.asarray(cv2.cornerSubPix(image, corners, _CORNER_WINDOW_PX, (-1, -1), _STOP)).reshape(-1, 2)
 
 
-def calibrate(pairs: Sequence[Sequence[Array]]) -> Rectified:
-    """Calibrate the rig by its pairs of images of the board."""
-    found = [[find_corners(eye) for eye in pair] for pair in pairs]
+def calibrate(found: Sequence[Sequence[Array]], size: tuple[int, int]) -> Rectified:
+    """Calibrate the rig by the corners (N, 2) of the board in pairs of images of a width and height, px."""
     board = np.zeros((np.prod(_BOARD), 3), np.float32)
     board[:, :2] = _SQUARE_M * np.mgrid[: _BOARD[0], : _BOARD[1]].T.reshape(-1, 2)
-    seen, size = [board] * len(pairs), pairs[0][0].shape[::-1]
+    seen = [board] * len(found)
     left, right = ([pair[eye] for pair in found] for eye in (0, 1))
     (k1, d1), (k2, d2) = (
         cv2.calibrateCamera(seen, points, size, np.eye(3), np.zeros(5))[1:3] for points in (left, right)
@@ -135,11 +151,21 @@ def fit_plane(left: Array, right: Array, shape: tuple[int, ...]) -> tuple[Array,
 
 
 def write_boards(samples: Path, folder: Path) -> Iterator[tuple[str, float]]:
-    """Write the pairs of the chessboard; yield each one's name, and how far its corners are from its plane, px."""
+    """Write the pairs of the chessboard; yield each one's name, and how far its corners are from its plane, px.
+
+    Raises IcyMoonError if there is no pair, or if an image shows no board.
+    """
     files = [(samples / f"left{k:02d}.jpg", samples / f"right{k:02d}.jpg") for k in range(1, 15)]
     files = [pair for pair in files if all(file.exists() for file in pair)]
-    pairs = [[cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in pair] for pair in files]
-    rig = calibrate(pairs)
+    if not files:
+        raise IcyMoonError(f"{samples}: has no pair left01.jpg and right01.jpg of a chessboard; {_WHERE}.")
+    pairs = [[read_sample(file) for file in pair] for pair in files]
+    height, width = pairs[0][0].shape
+    found = [
+        [find_corners(eye, str(file)) for eye, file in zip(*each, strict=True)]
+        for each in zip(pairs, files, strict=True)
+    ]
+    rig = calibrate(found, (width, height))
     for (file, _), pair, (left, right) in zip(files, pairs, rig.corners, strict=True):
         eyes = [
             shrink(cv2.remap(eye, *maps, cv2.INTER_LINEAR), _BOARD_PART)

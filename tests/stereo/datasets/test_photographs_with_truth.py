@@ -5,7 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from icymoon.benchmarks.stereo.photographs import calibrate, fit_plane, write_boards
+from icymoon.benchmarks.common import studies
+from icymoon.benchmarks.stereo.photographs import calibrate, find_corners, fit_plane, write_boards
+from icymoon.support.errors import IcyMoonError
 
 SIZE_PX, FOCAL_PX, BASELINE_M, SQUARE_PX = (480, 360), 420.0, 0.1, 24
 CAMERA = np.array([[FOCAL_PX, 0, 239.5], [0, FOCAL_PX, 179.5], [0, 0, 1]])
@@ -83,11 +85,30 @@ def test_both_eyes_see_the_same_at_the_true_disparity(boards, tmp_path):
 
 
 def test_the_calibration_is_the_camera_that_saw_the_board(boards):
-    pairs = [[cv2.imread(str(boards / f"{eye}{k:02d}.jpg"), 0) for eye in ("left", "right")] for k in range(1, 7)]
-    rig = calibrate(pairs)
+    files = [[f"{eye}{k:02d}.jpg" for eye in ("left", "right")] for k in range(1, 7)]
+    found = [[find_corners(cv2.imread(str(boards / file), 0), file) for file in pair] for pair in files]
+    rig = calibrate(found, SIZE_PX)
     # The rectified image may be enlarged, so focal length times baseline is compared by the depth of a corner: the
     # first board's corners lie around its middle, 0.62 m away. Its squares have 0.03 m, the code's 0.025 m.
     corners = rig.corners[0]
     middle_px = (corners[0, :, 0] - corners[1, :, 0]).mean()
     assert rig.focal_px * rig.baseline_m / middle_px * 0.03 / 0.025 == pytest.approx(0.62, rel=0.02)
     assert np.abs(corners[0, :, 1] - corners[1, :, 1]).max() < 0.3
+
+
+def test_a_folder_without_the_samples_is_named(tmp_path):
+    with pytest.raises(SystemExit, match=r"aloeGT\.png: is missing, or no image; state the folder"):
+        studies.run(["photographs", str(tmp_path), "--out", str(tmp_path / "out")])
+    with pytest.raises(IcyMoonError, match="has no pair left01"):
+        list(write_boards(tmp_path, tmp_path / "out"))
+
+
+@pytest.mark.parametrize(("left", "said"), [(b"x", "is missing, or no image"), (None, "no chessboard of 9 x 6")])
+def test_a_damaged_board_is_named(tmp_path, left, said):
+    grey = np.full((120, 160), 128, np.uint8)
+    for eye in ("left", "right"):
+        cv2.imwrite(str(tmp_path / f"{eye}03.jpg"), grey)
+    if left is not None:
+        (tmp_path / "left03.jpg").write_bytes(left)
+    with pytest.raises(IcyMoonError, match=rf"left03\.jpg: {said}"):
+        list(write_boards(tmp_path, tmp_path / "out"))
