@@ -27,6 +27,7 @@ from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import HeightAt, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape
 from ..physics.rocks.rock_table import TABLE, read_rock_table
+from ..physics.terrain.outcrops import advise_on_outcrops
 from ..physics.terrain.skirts import advise_on_skirts
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
@@ -186,6 +187,7 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
     if own is None:
         return [
             *advise_on_terrain(settings, site_wavelength_m(settings.terrain, ground)),
+            *(advise_on_outcrops(settings.hills) if settings.mesh.kind == "GRADED" else []),
             *(ground.advice(settings) if isinstance(ground, GradedGround) else []),
         ]
     if settings.rocks.coverage > 0:

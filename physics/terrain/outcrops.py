@@ -50,7 +50,7 @@ def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcr
     """The outcrops of hills; None where there are none, or where all hills are narrower."""
     widest, baseline, hurst = float(settings.outcrop_m), float(settings.slope_baseline_m), float(settings.hurst)
     narrowest = _NARROWEST * widest
-    if settings.outcrops == 0.0 or settings.largest_m < narrowest:
+    if settings.outcrops == 0.0 or not _have_places(settings):
         return None
     octaves = 1 + round(math.log(max(widest / settings.smallest_m, 1.0), _LACUNARITY))
     pieces = _make_layer("BROKEN", widest, octaves, float(f"{_LACUNARITY**-hurst:.9e}"), random)
@@ -61,6 +61,22 @@ def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcr
     rise_m = baseline * math.tan(math.radians(settings.rms_slope_deg)) * (widest / 2 / baseline) ** hurst
     # Half their width apart, heights of relief without longer waves differ by the root of two times its deviation.
     return Outcrops(pieces, places, float(f"{level:.9e}"), float(f"{_RELIEF * math.sqrt(0.5) * rise_m:.9e}"))
+
+
+def _have_places(settings: HillsSettings) -> bool:
+    """Whether the widest hills are as wide as the narrowest places of outcrops."""
+    return bool(settings.largest_m >= _NARROWEST * settings.outcrop_m)
+
+
+def advise_on_outcrops(settings: HillsSettings) -> list[str]:
+    """A sentence if hills have no place for the outcrops that are asked for; else an empty list."""
+    if settings.outcrops == 0.0 or settings.rms_slope_deg == 0.0 or _have_places(settings):
+        return []
+    return [
+        f"Hills have no outcrops, because the widest (hills.largest_m, {settings.largest_m:g} m) are less than "
+        f"{_NARROWEST:g} times as wide as the pieces of ice (hills.outcrop_m, {settings.outcrop_m:g} m); lower "
+        "hills.outcrop_m or raise hills.largest_m."
+    ]
 
 
 def _make_layer(basis: str, widest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> NoiseLayer:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.terrain.hills import make_hills
-from icymoon.physics.terrain.outcrops import make_outcrops
+from icymoon.physics.terrain.outcrops import advise_on_outcrops, make_outcrops
 from icymoon.settings.description import defaults, merged
 
 
@@ -64,3 +64,13 @@ def test_outcrops_that_a_mesh_does_not_carry_are_left_out():
 @pytest.mark.parametrize("changes", [{}, {"outcrops": 0.3, "largest_m": 20.0}])
 def test_hills_without_outcrops_and_hills_narrower_than_them_have_none(changes):
     assert make_outcrops(_hills(**changes), np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize(("width_m", "there"), [(500.0, True), (500.1, False)])
+def test_hills_too_narrow_for_outcrops_are_told(width_m, there):
+    hills = _hills(outcrops=0.3, outcrop_m=width_m, largest_m=2000.0)
+    assert (make_outcrops(hills, np.random.default_rng(1)) is not None) == there
+    said = advise_on_outcrops(hills)
+    assert len(said) == (not there)
+    assert all("lower hills.outcrop_m or raise hills.largest_m" in each for each in said)
+    assert advise_on_outcrops(_hills(outcrop_m=width_m, largest_m=10.0)) == []
