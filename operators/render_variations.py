@@ -100,8 +100,9 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         column.prop(self, "folder")
         column.prop(self, "use_for_scene")
         column.prop(group, "evaluate")
-        if group.evaluate:
-            column.prop(group, "methods")
+        row = column.row()  # always there, so that the buttons below stay in place
+        row.enabled = group.evaluate
+        row.prop(group, "methods")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self._asked:

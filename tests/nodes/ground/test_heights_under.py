@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 import pytest
@@ -117,7 +119,7 @@ def test_only_near_faces_are_searched(monkeypatch):
     ground = make_ground(positions.reshape(-1, 3), faces)
     drop = heights_under._drop_points
 
-    def count(scene: bpy.types.Scene, points: bpy.types.Object, *more: Array) -> Array:
+    def count(scene: bpy.types.Scene, points: bpy.types.Object, *more: Any) -> Array:
         many.append(len(points.modifiers[0].target.data.polygons))
         return drop(scene, points, *more)
 
