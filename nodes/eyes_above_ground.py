@@ -132,5 +132,27 @@ def cast_ray(
         role = item.original.get(TAG, "")
         if role in ("terrain", "rock", "rock shape"):
             return role, (place - start).length, normal.dot(toward) > 0
-        at = place + toward * 1e-4 * max(1.0, (place - start).length)
+        passed = place + toward * 1e-4 * max(1.0, (place - start).length)
+        # Ground that was made of the object lies where the object lies, so the ray would pass it too.
+        if ground := _cast_on_ground(scene, depsgraph, at, passed):
+            place, normal = ground
+            return "terrain", (place - start).length, normal.dot(toward) > 0
+        at = passed
     return "", 0.0, False
+
+
+def _cast_on_ground(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, end: Vector
+) -> tuple[Vector, Vector] | None:
+    """Where the way from ``start`` to ``end`` first meets the ground, and the normal there; None if it does not."""
+    for item in scene.objects:
+        if item.get(TAG) != "terrain":
+            continue
+        ground = item.evaluated_get(depsgraph)
+        to_local = ground.matrix_world.inverted_safe()
+        first, way = to_local @ start, to_local @ end - to_local @ start
+        hit, place, normal, _ = ground.ray_cast(first, way, distance=way.length)
+        if hit:
+            upright = (to_local.to_3x3().transposed() @ normal).normalized()
+            return ground.matrix_world @ place, upright
+    return None

@@ -23,7 +23,7 @@ def find_next_step(scene: bpy.types.Scene) -> str:
     if scene_properties.read_variations(scene.icymoon).varied and not last_variations.find_pairs(scene):
         return "Next: Vary This Scene, below"
     found = results.read_stored_results(scene)
-    evaluated = found is not None and (found.scope == "DATASET" or {path.name for path in pairs} <= {*found.pairs})
+    evaluated = found is not None and (found.scope != "SCENE" or {path.name for path in pairs} <= {*found.pairs})
     if evaluated and not results.list_changed_settings(scene):
         return "Next: Stereo Error, below"
     return "Next: Evaluate Stereo Pair" if len(pairs) == 1 else "Next: Evaluate Whole Data Set"

@@ -11,6 +11,7 @@ from mathutils import Vector
 
 from ..nodes import build_scene as scenes
 from ..nodes.eyes_above_ground import cast_ray
+from ..physics.excavation.dig_site import REFUSED_FILE
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -106,8 +107,17 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
     def find_obstacle(cls, context: bpy.types.Context) -> str:
         return "" if scenes.find_built(context.scene) else "There is no ground to click on; press Build Scene first"
 
+    def _refuse_trench(self, context: bpy.types.Context) -> bool:
+        """Say, before a click, that ground from a file cannot be dug."""
+        if self.target != "TRENCH" or context.scene.icymoon.source.kind == "PROCEDURAL":
+            return False
+        self.report({"ERROR"}, format_for_window(REFUSED_FILE))
+        return True
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Wait for a click on the ground."""
+        if self._refuse_trench(context):
+            return {"CANCELLED"}
         context.window.cursor_modal_set("CROSSHAIR")
         label = next(label for name, label, _ in TARGETS if name == self.target)
         context.workspace.status_text_set(_HINT.format(label.lower()))
@@ -137,6 +147,8 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
         context.workspace.status_text_set(None)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        if self._refuse_trench(context):
+            return {"CANCELLED"}
         group = context.scene.icymoon
         try:
             placed = make_placed(self.target, scene_properties.read_settings(group), self.x_m, self.y_m)

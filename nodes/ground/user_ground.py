@@ -154,7 +154,7 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
 
 
 def _format_metres(values: Iterable[float]) -> str:
-    return ", ".join(f"{float(v):.6g}" for v in values)
+    return ", ".join(f"{float(v) + 0.0:.6g}" for v in values)  # + 0.0 makes -0 a 0
 
 
 def _is_fine(edge_m: float, height_m: float) -> bool:

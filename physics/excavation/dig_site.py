@@ -22,6 +22,7 @@ from .scoop_marks import TEETH, ScoopMarks, make_marks
 from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 from .wall_slump import find_retreat_m
 
+REFUSED_FILE = "Ground from a file cannot be dug; set source.kind to PROCEDURAL, or excavation.path to NONE."
 #: Maximum number of vertices along a side of the grid.
 MAX_GRID_SIDE = 1500
 #: Margin of the grid around trench and heap, in metres,
@@ -231,7 +232,7 @@ def find_refusals(settings: Settings) -> list[str]:
         return []
     excavation = settings.excavation
     if settings.source.kind != "PROCEDURAL":
-        return ["Ground from a file cannot be dug; set source.kind to PROCEDURAL, or excavation.path to NONE."]
+        return [REFUSED_FILE]
     if excavation.state >= excavation.states:
         return [
             f"excavation.state is {excavation.state}, but the last of {excavation.states} states "

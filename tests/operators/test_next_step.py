@@ -1,11 +1,13 @@
 """The line of the sidebar that names the next step."""
 
+import json
+
 import bpy
 import pytest
 from evaluations import ROW, write_evaluation
 from icymoon.nodes import preview
 from icymoon.nodes.build_scene import find_built
-from icymoon.operators import next_step, results
+from icymoon.operators import last_variations, next_step, results
 from icymoon.operators.session import session
 from icymoon.settings.blender import scene_properties
 
@@ -39,6 +41,13 @@ def test_a_pair_of_other_settings_is_rendered_again(rendered):
     assert next_step.find_next_step(rendered) == "Next: Evaluate Stereo Pair"
     rendered.icymoon.light.sun_elevation_deg = before + 5
     assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
+
+
+def test_after_an_evaluation_of_variations_its_results_are_next(rendered):
+    evaluate(rendered)
+    kept = json.loads(rendered.icymoon.results)
+    rendered.icymoon.results = json.dumps(kept | {"scope": last_variations.SCOPE, "pairs": []})
+    assert next_step.find_next_step(rendered) == "Next: Stereo Error, below"
 
 
 def test_after_vary_the_variations_are_next(rendered):

@@ -48,6 +48,34 @@ def test_a_click_finds_the_ground_through_objects_of_the_user(small, screen):
     assert (small.icymoon.rig.x_m, small.icymoon.rig.y_m) == (1.25, -0.5)
 
 
+def test_a_click_finds_ground_that_lies_on_the_object_it_was_made_of(small, screen):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=9, y_subdivisions=9, size=30.0)
+    bpy.ops.icymoon.object_as_ground()
+    bpy.data.objects["Grid"].location.z = 1e-4  # as rounding may put it, so that the ray meets it first
+    bpy.context.view_layer.update()
+    context = SimpleNamespace(screen=screen, scene=small, evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get)
+    for place_px in (0, 37, 113):
+        place = place_on_ground.find_ground(context, MIDDLE[0] + place_px, 100 + MIDDLE[1] - place_px)
+        assert place is not None
+        assert tuple(place) == pytest.approx((place_px / PER_M, -place_px / PER_M, 0.0), abs=1e-4)
+    assert place_on_ground.find_ground(context, MIDDLE[0] + 220, 100 + MIDDLE[1]) is not None
+    bpy.data.objects["Icy Moon Terrain"].location.z = -3.0
+    bpy.context.view_layer.update()
+    place = place_on_ground.find_ground(context, MIDDLE[0] + 11, 100 + MIDDLE[1])
+    assert place is not None
+    assert place.z == pytest.approx(-3.0, abs=1e-4)
+
+
+def test_a_trench_on_ground_from_a_file_is_refused_before_the_click(small, screen):
+    bpy.ops.mesh.primitive_grid_add(size=30.0)
+    bpy.ops.icymoon.object_as_ground()
+    with pytest.raises(RuntimeError, match="Ground from a file cannot be dug"):
+        bpy.ops.icymoon.place_on_ground("INVOKE_DEFAULT", target="TRENCH")
+    with pytest.raises(RuntimeError, match="Ground from a file cannot be dug"):
+        bpy.ops.icymoon.place_on_ground(target="TRENCH", x_m=0.0, y_m=1.0)
+    assert small.icymoon.excavation.path == "NONE"
+
+
 def test_without_ground_the_button_is_grey(scene):
     assert not bpy.ops.icymoon.place_on_ground.poll()
 
