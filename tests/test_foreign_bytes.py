@@ -509,6 +509,7 @@ ALLOWED: dict[str, str] = {
     "formats/tiff.py": "LZMADecompressor, ZstdDecompressor, decompress, decompressobj: each to the size of a tile",
     "nodes/assets.py": "bpy.data.images.load: previews of presets, shipped with the program",
     "nodes/ground/import_heights.py": "bpy.data.images.load: after its structure was checked",
+    "nodes/ground/mesh_edges.py": "np.load: arrays that our own process has just written; no pickles",
     "nodes/surface/hapke_osl.py": "read_text: shipped with the program, as compiled by Cycles",
     "nodes/surface/images.py": "bpy.data.images.load: after its header was checked",
     "operators/manual.py": "json.loads, re.search, read_text: shipped with the program",

@@ -302,6 +302,7 @@ CASES = [
         {
             "scale",
             "up_axis",
+            "flat_faces",
             "repair",
             "stand_in",
             "surroundings_file",
@@ -315,7 +316,7 @@ CASES = [
         "source",
         {"source": {"kind": "HEIGHT_MAP", "surroundings_m": 500.0, "site": "DEGREES"}},
         "but",
-        {"scale", "up_axis", "repair", "stand_in", "site_easting", "site_northing"},
+        {"scale", "up_axis", "flat_faces", "repair", "stand_in", "site_easting", "site_northing"},
     ),
     (
         "terrain",
