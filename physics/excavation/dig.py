@@ -236,20 +236,20 @@ class ExcavationSeries:
         volume = mass_kg / self.spoil_kg_m3
         if volume <= 0:
             return
-        dust = float(self.excavation.dust_share)
+        dust, lumps = float(self.excavation.dust_share), self._make_lumps_m()
         if dust < 1.0:
-            layers.spoil += self._grow_heap(number, volume, 1.0 - dust)
+            layers.spoil += self._grow_heap(number, volume, 1.0 - dust, lumps)
         if dust > 0.0:
-            landed = dust * self._grow_heap(number, volume, 1.0)
+            landed = dust * self._grow_heap(number, volume, 1.0, lumps)
             layers.spoil += spread_dust(self.site.grid, landed, float(self.excavation.drop_m))
 
-    def _grow_heap(self, number: int, volume_m3: float, share: float) -> Array:
-        """Thickness (rows, columns) in metres by which a heap of this share of all spoil grows from a volume of
-        spoil."""
-        grid, before, lumps = self.site.grid, self.measure_heaped_m3(number - 1), self._make_lumps_m()
+    def _grow_heap(self, number: int, volume_m3: float, share: float, lumps_m: Array) -> Array:
+        """Thickness (rows, columns) in metres by which a heap of this share of all spoil, with the unevenness
+        ``lumps_m``, grows from a volume of spoil."""
+        grid, before = self.site.grid, self.measure_heaped_m3(number - 1)
         crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         volumes = (share * before, share * (before + volume_m3))
-        less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in volumes)
+        less, more = (self.site.heap.thickness(grid, each, lumps_m, crest) for each in volumes)
         more = np.maximum(more - less, 0.0)
         return np.asarray(more * (share * volume_m3 / (float(more.sum()) * grid.cell_m**2)))
 

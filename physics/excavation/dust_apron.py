@@ -15,6 +15,7 @@ area at the distance r. Its mean over R is the function of Bickley and Naylor Ki
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -62,6 +63,7 @@ def spread_dust(grid: ExcavationGrid, landed_m: Array, drop_m: float) -> Array:
     return np.asarray(spread * (total / float(spread.sum())))
 
 
+@lru_cache(maxsize=2)  # each state of a series needs the same
 def _make_kernel(cell_m: float, drop_m: float, most_cells: int) -> Array:
     """Weights (2 n + 1, 2 n + 1) of the cells round a place of landing, which end evenly at the reach."""
     jump, reach = find_mean_jump_m(drop_m), find_reach_m(drop_m)
@@ -71,7 +73,9 @@ def _make_kernel(cell_m: float, drop_m: float, most_cells: int) -> Array:
     away[0, 0] = cell_m / _MEAN_INVERSE_DISTANCE
     quarter = np.maximum(compute_landing_density(away, jump) - compute_landing_density(np.array(reach), jump), 0.0)
     half = np.concatenate([quarter[:0:-1], quarter])
-    return np.concatenate([half[:, :0:-1], half], axis=1)
+    kernel = np.concatenate([half[:, :0:-1], half], axis=1)
+    kernel.flags.writeable = False
+    return kernel
 
 
 def _convolve(values: Array, kernel: Array) -> Array:
