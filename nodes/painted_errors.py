@@ -292,13 +292,13 @@ def recolour_errors(find_scene: Callable[[], bpy.types.Scene], full_m: float) ->
     errors.
     """
     for uid in [mesh.session_uid for mesh in _find_meshes_with_errors(find_scene())]:
-        mesh = next((each for each in _find_meshes_with_errors(find_scene()) if each.session_uid == uid), None)
+        mesh = _find_mesh_with_errors(find_scene(), uid)
         if mesh is None:
             continue
         error_m = read_property(mesh.attributes[ERROR_M].data, "value")
         kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
         colours = yield partial(_colour_values, error_m, kind, full_m)
-        mesh = next((each for each in _find_meshes_with_errors(find_scene()) if each.session_uid == uid), None)
+        mesh = _find_mesh_with_errors(find_scene(), uid)
         if mesh is not None and len(mesh.vertices) == len(colours):
             fill_colours(mesh.attributes[COLOUR], colours)
             mesh.update_tag()
@@ -308,6 +308,11 @@ def recolour_errors(find_scene: Callable[[], bpy.types.Scene], full_m: float) ->
 def _find_meshes_with_errors(scene: bpy.types.Scene) -> list[bpy.types.Mesh]:
     """The meshes of a scene that show errors; decisions have colours of their own."""
     return [mesh for mesh in _find_painted_meshes(scene) if ERROR_M in mesh.attributes]
+
+
+def _find_mesh_with_errors(scene: bpy.types.Scene, uid: int) -> bpy.types.Mesh | None:
+    """The mesh with this ``session_uid`` among them; None if it is gone."""
+    return next((mesh for mesh in _find_meshes_with_errors(scene) if mesh.session_uid == uid), None)
 
 
 def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:

@@ -13,7 +13,7 @@ from mathutils import Matrix
 from ...physics.mesh.faces_under_points import FacesOnMap
 from ...physics.rocks.place_rocks import HeightAt
 from ...support.arrays import Array
-from ..datablocks.mesh_arrays import fill_with_polygons
+from ..datablocks.mesh_arrays import fill_with_polygons, read_property
 
 _ABOVE_M = 1.0
 
@@ -68,12 +68,9 @@ def _make_chooser(ground: bpy.types.Object, near: bpy.types.Mesh) -> Callable[[A
     @cache
     def measure() -> tuple[Array, FacesOnMap]:
         mesh = ground.data
-        positions = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.attributes["position"].data.foreach_get("vector", positions)
-        corners, starts = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
-        mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
-        mesh.polygons.foreach_get("loop_start", starts)
-        at = positions.reshape(-1, 3)
+        at = read_property(mesh.attributes["position"].data, "vector", width=3).reshape(-1, 3)
+        corners = read_property(mesh.attributes[".corner_vert"].data, "value", np.int32)
+        starts = read_property(mesh.polygons, "loop_start", np.int32)
         return at, FacesOnMap.measure(at, corners, starts)
 
     def choose(x_m: Array, y_m: Array) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ..datablocks.mesh_arrays import read_property
 from .import_mesh import MAX_TRIANGLES, PlacedMesh
 
 
@@ -26,9 +27,7 @@ def is_shaded_flat(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bo
     sharp = mesh.attributes.get("sharp_face")  # Blender keeps none where all faces are smooth
     if sharp is None or not len(mesh.polygons):
         return False
-    values = np.empty(len(mesh.polygons), np.bool_)
-    sharp.data.foreach_get("value", values)
-    return bool(values.mean() > 0.5)
+    return bool(read_property(sharp.data, "value", np.bool_).mean() > 0.5)
 
 
 def read_object_mesh(

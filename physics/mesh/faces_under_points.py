@@ -14,7 +14,7 @@ _BLOCK = 2**18
 #: Neighbouring faces with common bounds. Where these are far from all points, the faces are not looked at.
 _RUN = 128
 #: Cells along a side of the map of points, for each point along a side, and their maximum number.
-_CELLS_PER_POINT, _MOST_CELLS = 4, 2048
+_CELLS_PER_POINT, _MAX_CELLS = 4, 2048
 #: Widening of the bounds of faces, over the largest coordinate of a point: 16 steps of single precision.
 _MARGIN = 16 * float(np.finfo(np.float32).eps)
 
@@ -84,7 +84,7 @@ class _OccupiedCells:
     @classmethod
     def fill(cls, x_m: Array, y_m: Array) -> _OccupiedCells:
         points = np.stack([x_m, y_m])
-        corner, count = points.min(axis=1), min(_CELLS_PER_POINT * math.ceil(math.sqrt(len(x_m))), _MOST_CELLS)
+        corner, count = points.min(axis=1), min(_CELLS_PER_POINT * math.ceil(math.sqrt(len(x_m))), _MAX_CELLS)
         margin = _MARGIN * float(np.abs(points).max())
         side = max(float(np.ptp(points, axis=1).max()), margin, 1e-9) / count
         column, row = np.minimum(((points - corner[:, None]) / side).astype(np.int64), count - 1)
