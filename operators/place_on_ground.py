@@ -33,11 +33,22 @@ _DIGITS = 3  # digits of a place in metres: a millimetre
 _FIRST_CELL_M = 0.02
 
 
+def check_target(target: str, settings: Settings) -> None:
+    """Raise IcyMoonError if the present settings have no such target."""
+    if target == "TRENCH" and settings.source.kind != "PROCEDURAL":
+        raise IcyMoonError(REFUSED_FILE)
+    if target == "TRENCH" and settings.excavation.path not in ("NONE", "LINE", "ARC"):
+        raise IcyMoonError("The path of the scoop is recorded; set excavation.path to LINE to place a trench.")
+    if target == "SITE" and settings.source.kind == "PROCEDURAL":
+        raise IcyMoonError("Procedural ground has no site; place the camera instead, or import a height map.")
+
+
 def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:
     """Make the settings that put a target at ``x_m`` east and ``y_m`` north of the origin, in metres.
 
     Raises IcyMoonError if the present settings have no such target.
     """
+    check_target(target, settings)
     x, y = round(x_m, _DIGITS), round(y_m, _DIGITS)
     if target == "CAMERA":
         return {"rig": {"x_m": x, "y_m": y}}
@@ -45,13 +56,9 @@ def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapp
         cells = {} if settings.workspace.cell_m > 0 else {"cell_m": _FIRST_CELL_M}
         return {"workspace": {"east_m": x, "north_m": y, **cells}}
     if target == "TRENCH":
-        path = settings.excavation.path
-        if path not in ("NONE", "LINE", "ARC"):
-            raise IcyMoonError("The path of the scoop is recorded; set excavation.path to LINE to place a trench.")
-        return {"excavation": {"start_x_m": x, "start_y_m": y, **({"path": "LINE"} if path == "NONE" else {})}}
+        path = {"path": "LINE"} if settings.excavation.path == "NONE" else {}
+        return {"excavation": {"start_x_m": x, "start_y_m": y, **path}}
     source = settings.source
-    if source.kind == "PROCEDURAL":
-        raise IcyMoonError("Procedural ground has no site; place the camera instead, or import a height map.")
     return {
         "source": {
             "origin_x_m": round(source.origin_x_m + x_m, _DIGITS),
@@ -107,17 +114,12 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
     def find_obstacle(cls, context: bpy.types.Context) -> str:
         return "" if scenes.find_built(context.scene) else "There is no ground to click on; press Build Scene first"
 
-    def _refuse_trench(self, context: bpy.types.Context) -> bool:
-        """Say, before a click, that ground from a file cannot be dug."""
-        if self.target != "TRENCH" or context.scene.icymoon.source.kind == "PROCEDURAL":
-            return False
-        self.report({"ERROR"}, format_for_window(REFUSED_FILE))
-        return True
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Wait for a click on the ground."""
-        if self._refuse_trench(context):
-            return {"CANCELLED"}
+        try:
+            check_target(self.target, scene_properties.read_settings(context.scene.icymoon))
+        except IcyMoonError as error:
+            return self._fail(error)
         context.window.cursor_modal_set("CROSSHAIR")
         label = next(label for name, label, _ in TARGETS if name == self.target)
         context.workspace.status_text_set(_HINT.format(label.lower()))
@@ -146,16 +148,17 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
 
+    def _fail(self, error: IcyMoonError) -> set[str]:
+        self.report({"ERROR"}, format_for_window(error))
+        return {"CANCELLED"}
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if self._refuse_trench(context):
-            return {"CANCELLED"}
         group = context.scene.icymoon
         try:
             placed = make_placed(self.target, scene_properties.read_settings(group), self.x_m, self.y_m)
             scene_properties.write_settings(group, placed)
         except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
+            return self._fail(error)
         said = f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"
         if "cell_m" in placed.get("workspace", {}):
             said += f"; cells are {_FIRST_CELL_M:g} m wide"
