@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..settings.blender import scene_properties
+from .build import build_and_report
 from .build_in_pieces import PiecewiseBuildOperator
 from .live_preview import leave_to_build
 from .window_areas import find_scene
@@ -27,6 +28,14 @@ class ChangeAndBuildOperator(PiecewiseBuildOperator):
         self._before = {topic: before[topic] for topic in changes}
         with leave_to_build():
             scene_properties.write_settings(scene.icymoon, changes)
+
+    def build_at_once(self, context: bpy.types.Context, coarse: bool = False) -> set[str]:
+        """Build the scene with its changed settings, in full or with coarse ground, and return the operator's
+        result."""
+        result = build_and_report(self, context, coarse)
+        if result == {"CANCELLED"}:
+            self.take_back(context.scene)
+        return result
 
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Give the scene back its settings from before the operator."""

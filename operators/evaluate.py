@@ -29,11 +29,9 @@ from .kept_pairs import find_kept_pairs, list_changes_since_render
 from .preferences import find_evaluator_python, is_evaluator_missing, list_plugin_matchers, make_own_matcher_arguments
 from .render import find_dataset_folder, plan_pairs_in_steps, require_scene
 from .settled_steps import settle
-from .sidebar_text import describe_place
+from .sidebar_text import name_settings
 from .window_areas import find_scene, push_undo
 
-#: Maximum number of settings that a sentence names.
-_MAX_NAMED = 3
 #: What can be evaluated, as items of a choice.
 SCOPES = (
     ("SCENE", "This Scene", "The pairs of the present settings"),
@@ -64,9 +62,7 @@ def _name_changes(scene: bpy.types.Scene) -> str:
     """The end of a sentence that names the settings that have changed since a scene's pair was rendered; empty without
     a pair."""
     changed = [each for folder in find_kept_pairs(scene)[:1] for each in list_changes_since_render(scene, folder)]
-    names = ", ".join(describe_place(topic, setting) for topic, setting in changed[:_MAX_NAMED])
-    rest = f" and {len(changed) - _MAX_NAMED} more" if len(changed) > _MAX_NAMED else ""
-    return f", because {names}{rest} changed after the last render" if changed else ""
+    return f", because {name_settings(changed)} changed after the last render" if changed else ""
 
 
 def check_has_pairs(dataset: Path) -> None:

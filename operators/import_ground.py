@@ -15,7 +15,6 @@ from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from ..support.steps import Steps, finish
 from . import dialogs
-from .build import build_and_report
 from .build_in_pieces import build_in_pieces
 from .change_and_build import ChangeAndBuildOperator
 from .job_operators import WatchingOperator
@@ -42,17 +41,14 @@ class GroundOperator(ChangeAndBuildOperator):
         """The ``source`` settings of the ground, in steps. Raises IcyMoonError if it cannot be one."""
         raise NotImplementedError
 
-    def build_at_once(self, context: bpy.types.Context) -> set[str]:
+    def change_and_build(self, context: bpy.types.Context) -> set[str]:
         """Build the scene in full, as scripts expect."""
         try:
             self.change_settings(context.scene, {"source": finish(self.make_source(context))})
             grounds.warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
             return self.fail(error)
-        result = build_and_report(self, context)
-        if result == {"CANCELLED"}:
-            self.take_back(context.scene)
-        return result
+        return self.build_at_once(context)
 
     def begin_to_build(self, context: bpy.types.Context) -> set[str]:
         """Build the scene in pieces."""
@@ -98,7 +94,7 @@ class ICYMOON_OT_import_ground(GroundOperator, dialogs.FileDialog, bpy.types.Ope
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called with the chosen file. *Adjust Last Operation* and scripts call this too, and build at once."""
         chosen, self._chooses = self._chooses, False
-        return self.begin_to_build(context) if chosen else self.build_at_once(context)
+        return self.begin_to_build(context) if chosen else self.change_and_build(context)
 
     def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
         yield None

@@ -42,23 +42,22 @@ class WatchingOperator(ExplainedOperator):
     _job: jobs.Job | None = None
     _watch: unseen_jobs.Watch | None = None
 
-    def start(self, context: bpy.types.Context) -> jobs.Job | None:
-        """Start the job; None if there is nothing to wait for. Raises IcyMoonError if it cannot start."""
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        """Start the job. Raises IcyMoonError if it cannot start."""
         raise NotImplementedError
 
     def report_success(self, context: bpy.types.Context) -> None:
         """Use the results of the job. Raises IcyMoonError if that fails."""
         raise NotImplementedError
 
-    def begin(self, context: bpy.types.Context) -> jobs.Job | None:
+    def begin(self, context: bpy.types.Context) -> jobs.Job:
         """Start the job from the window; by default as ``start`` does."""
         return self.start(context)
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         """Run the job to its end. Raises IcyMoonError if it fails."""
         self._job = self.start(context)
-        if self._job is not None:
-            self._job.run_to_end()
+        self._job.run_to_end()
         self.report_success(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -78,9 +77,6 @@ class WatchingOperator(ExplainedOperator):
             return self.execute(context)
         try:
             self._job = self.begin(context)
-            if self._job is None:
-                self.report_success(context)
-                return {"FINISHED"}
         except IcyMoonError as error:
             return self.fail(error)
         manager = context.window_manager

@@ -18,14 +18,20 @@ from ..support.errors import IcyMoonError
 from .render import find_dataset_folder
 
 
-def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
-    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
+def find_existing_pairs(dataset_folder: str, ids: str) -> list[Path]:
+    """Existing folders of the pairs with these ids, which a scene keeps, in a data set folder as its settings state it;
+    none if the folder or an id is invalid."""
     try:
-        folder = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
-        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
+        folder = find_dataset_folder(typed({"dataset": {"folder": dataset_folder}}))
+        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in ids.split()]
     except IcyMoonError:
         return []
     return [path for path in found if (path / "pair.json").is_file()]
+
+
+def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
+    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
+    return find_existing_pairs(scene.icymoon.dataset.folder, scene.icymoon.pairs)
 
 
 def list_changes_since_render(scene: bpy.types.Scene, folder: Path) -> list[tuple[str, Setting]]:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import bpy
 
-from ..render.pairs.dataset_file_names import check_id, folder_of_pair
 from ..settings.description import overlay
 from ..settings.topics.scene import Settings, typed
 from ..support.errors import IcyMoonError
+from .kept_pairs import find_existing_pairs
 from .render import find_dataset_folder
 
 #: The scope of an evaluation, and the source of an export, that is these pairs.
@@ -58,11 +58,5 @@ def find_folder(scene: bpy.types.Scene) -> Path | None:
 
 def find_pairs(scene: bpy.types.Scene) -> list[Path]:
     """Existing folders of the pairs to show; none if the scene's ids are invalid."""
-    folder = find_folder(scene)
-    if folder is None:
-        return []
-    try:
-        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.variations.pairs.split()]
-    except IcyMoonError:
-        return []
-    return [path for path in found if (path / "pair.json").is_file()]
+    group = scene.icymoon.variations
+    return find_existing_pairs(group.folder, group.pairs) if group.folder else []

@@ -90,7 +90,7 @@ class ICYMOON_OT_object_as_ground(SelectedMeshOperator, GroundOperator, bpy.type
         return self.execute(context) if bpy.app.background else self.begin_to_build(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.build_at_once(context)
+        return self.change_and_build(context)
 
     def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
         unit_m, folder = find_metres_per_unit(context.scene), context.scene.icymoon.dataset.folder

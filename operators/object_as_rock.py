@@ -11,7 +11,6 @@ from ..physics.rocks.own_rock import OWN, read_proportions
 from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from .build import build_and_report
 from .change_and_build import ChangeAndBuildOperator
 from .jobs import Job
 from .object_as_ground import SelectedMeshOperator, shorten_path
@@ -37,10 +36,7 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
             self.change_settings(context.scene, {"rocks": self._make_settings(context)})
         except IcyMoonError as error:
             return self.fail(error)
-        result = build_and_report(self, context)
-        if result == {"CANCELLED"}:
-            self.take_back(context.scene)
-        return result
+        return self.build_at_once(context)
 
     def start(self, context: bpy.types.Context) -> Job:
         """Start to build the scene with these rocks. Raises IcyMoonError if the object cannot be a rock or nothing can

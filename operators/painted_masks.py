@@ -21,7 +21,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from . import refine_ground
-from .build import build_and_report, leave_edit_mode
+from .build import leave_edit_mode
 from .change_and_build import ChangeAndBuildOperator
 from .job_operators import WatchingOperator
 from .object_as_ground import shorten_path
@@ -116,9 +116,7 @@ class _MaskOperator(ChangeAndBuildOperator):
         at_once = not coarse or self.options.is_repeat
         if not at_once:
             return WatchingOperator.invoke(self, context, None)
-        result = build_and_report(self, context, coarse)
-        if result == {"CANCELLED"}:
-            self.take_back(context.scene)
+        result = self.build_at_once(context, coarse)
         if coarse:
             refine_ground.start_refining()
         return result

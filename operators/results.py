@@ -27,7 +27,7 @@ from ..support.number_text import format_count
 from . import image_editor, last_variations, trusted_reports
 from .operator_type import ExplainedOperator
 from .render import find_dataset_folder
-from .sidebar_text import describe_place, format_for_window
+from .sidebar_text import describe_place, format_for_window, name_settings
 from .window_areas import push_undo
 
 #: Columns of a matcher's row in a report that the scene keeps.
@@ -58,8 +58,8 @@ _REPORT_SHAPE = {
     **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
     "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
 }
-#: Maximum number of characters of a text from a file, and of settings that a note names.
-_MAX_TEXT_CHARACTERS, _MAX_NAMED = 40, 3
+#: Maximum number of characters of a text from a file.
+_MAX_TEXT_CHARACTERS = 40
 #: Maximum number of characters of a note on the results, and of notes in the panel; the report has all notes.
 _MAX_NOTE_CHARACTERS, _MAX_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
@@ -262,11 +262,9 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
     changed = _find_changed_settings(scene)
     other = [(topic, s) for topic, s in changed if s.key != "folder"]
     if other:
-        rest = f" and {len(other) - _MAX_NAMED} more" if len(other) > _MAX_NAMED else ""
-        labels = ", ".join(describe_place(topic, s) for topic, s in other[:_MAX_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
         sentences.append(
-            f"Measured with other settings than the present ones: {labels}{rest}. "
+            f"Measured with other settings than the present ones: {name_settings(other)}. "
             f"{'Render and evaluate' if rendered else 'Evaluate'} again."
         )
     elif changed:

@@ -118,22 +118,10 @@ def _load_picture(image: bpy.types.Image, turn: int) -> None:
         area.tag_redraw()
 
 
-def _read_and_draw(
-    folder: Path, camera_response: Mapping[str, Mapping[str, Any]], view: str
-) -> tuple[PairViews, list[bytes]]:
-    """A pair, and the files of a view's pictures; any thread may call this."""
-    views = read_pair_views(folder, camera_response)
-    return views, _draw(views, view)
-
-
-def _draw_again(views: PairViews, view: str) -> tuple[PairViews, list[bytes]]:
-    """As ``_read_and_draw`` for a pair that was read already."""
-    return views, _draw(views, view)
-
-
-def _draw(views: PairViews, view: str) -> list[bytes]:
-    """The files of a view's pictures, one or two; any thread may call this."""
-    return [encode_png(picture, 0) for picture in views.pictures(view)]
+def _draw(read: Callable[[], PairViews], view: str) -> tuple[PairViews, list[bytes]]:
+    """The pair that ``read`` gives, and the files of a view's pictures, one or two; any thread may call this."""
+    views = read()
+    return views, [encode_png(picture, 0) for picture in views.pictures(view)]
 
 
 def _write_pictures(files: Sequence[bytes]) -> None:
@@ -235,21 +223,21 @@ class ShowsPair(WatchingOperator):
             self.report({"INFO"}, show_controls("; ".join([f"Pair {views.id}", *views.lines])))
         return result
 
-    def start(self, context: bpy.types.Context) -> Job | None:
+    def start(self, context: bpy.types.Context) -> Job:
         """Read the pair, unless it is developed already, and draw the view. An earlier reading is given up."""
         if self.automatic and session.shown is not None:
             self.view = session.shown.view
         camera_response = select_response(scene_properties.read_settings(context.scene.icymoon))
         folder = self.find_folder(context)
         self._folder, self._made_of = folder, _describe_origin(folder, camera_response)
-        view, shown = self.view, session.shown
-        work: Callable[[], object] = partial(_read_and_draw, folder, camera_response, view)
+        shown = session.shown
+        read: Callable[[], PairViews] = partial(read_pair_views, folder, camera_response)
         self._is_new = shown is None or shown.made_of != self._made_of
         if shown is not None and not self._is_new:
-            work = partial(_draw_again, shown.views, view)
+            read = partial(getattr, shown, "views")
         if session.reading is not None:
             session.reading.cancel()
-        session.reading = Job("Show Stereo Pair", Calculation(work, folder))
+        session.reading = Job("Show Stereo Pair", Calculation(partial(_draw, read, self.view), folder))
         return session.reading
 
     def report_success(self, context: bpy.types.Context) -> None:

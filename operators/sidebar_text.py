@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,6 +41,7 @@ from ..support.printer import show_controls
 DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MAX_KEPT = 4
+_MAX_NAMED = 3  # settings that a sentence names
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
 _WIDTH_PX, _SHORTEST_LINE = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
@@ -98,6 +99,12 @@ def _find_label(found: re.Match[str]) -> str:
 def describe_place(topic: str, setting: Setting) -> str:
     """Describe where a setting is in the sidebar: its panel and its label, without the unit."""
     return f"{_OTHER_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT_SUFFIX.sub('', setting.label)}"
+
+
+def name_settings(found: Sequence[tuple[str, Setting]]) -> str:
+    """The places of the first few of some settings (topic, setting), and the number of the others."""
+    names = ", ".join(describe_place(topic, setting) for topic, setting in found[:_MAX_NAMED])
+    return f"{names} and {len(found) - _MAX_NAMED} more" if len(found) > _MAX_NAMED else names
 
 
 def describe_value(name: str, settings: Settings, panel: str = "") -> str:
