@@ -76,6 +76,15 @@ def test_a_trench_on_ground_from_a_file_is_refused_before_the_click(small, scree
     assert small.icymoon.excavation.path == "NONE"
 
 
+def test_what_cannot_be_placed_is_refused_before_the_click(small):
+    bpy.ops.icymoon.build_scene()
+    with pytest.raises(RuntimeError, match="Procedural ground has no site"):
+        bpy.ops.icymoon.place_on_ground("INVOKE_DEFAULT", target="SITE")
+    small.icymoon.excavation.path = "RECORDED"
+    with pytest.raises(RuntimeError, match="The path of the scoop is recorded"):
+        bpy.ops.icymoon.place_on_ground("INVOKE_DEFAULT", target="TRENCH")
+
+
 def test_without_ground_the_button_is_grey(scene):
     assert not bpy.ops.icymoon.place_on_ground.poll()
 
