@@ -314,6 +314,7 @@ def vary_by_mouse() -> Waiting:
     yield from person.close_second_window("the Image Editor")
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = size
+    bpy.ops.ed.undo_push(message="Settings of the other steps")  # where an undo of a later step leads back to
     yield from to(*middle("UI"))
     yield from scroll(-400)
 
