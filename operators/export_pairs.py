@@ -28,10 +28,30 @@ from .sidebar_text import format_for_window
 
 #: The choice that stands among the formats for --for-prediction of the command line.
 _FOR_PREDICTION = "for-prediction"
-_FORMATS = [
-    *((name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()),
-    (_FOR_PREDICTION, "For Prediction", "Only images and camera of each pair, for a matcher on another machine"),
-]
+#: The headings in the list of formats, by the format that each stands above.
+HEADINGS = {
+    "png8": "Images and Disparity",
+    "coco": "Masks and Cameras",
+    "fits": "Radiance",
+    "ros2": "Sequences",
+    "webdataset": "Training",
+    "mitsuba": "Ground and Meshes",
+    _FOR_PREDICTION: "Matching Elsewhere",
+}
+
+
+def _list_formats() -> list[tuple[str, str, str]]:
+    """The entries of the list of formats, with a heading above each group."""
+    entries = [(name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()]
+    entries.append((_FOR_PREDICTION, "For Prediction", "Only images and camera of each pair, for a matcher elsewhere"))
+    found = []
+    for entry in entries:
+        if heading := HEADINGS.get(entry[0]):
+            found.append(("", heading, ""))
+        found.append(entry)
+    return found
+
+
 _SOURCES = (
     (
         "SCENE",
@@ -119,7 +139,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
 
     filepath: dialogs.file_property("Folder for the exported files")
     source: bpy.props.EnumProperty(name="Export", description="Pairs to export", items=_SOURCES)
-    kind: bpy.props.EnumProperty(name="Format", description="Layout to write", items=_FORMATS, default="png16")
+    kind: bpy.props.EnumProperty(name="Format", description="Layout to write", items=_list_formats(), default="png16")
     response: bpy.props.BoolProperty(
         name="Present Camera Response",
         description="Develop all images with the sensor of the present settings in place of each pair's own",

@@ -70,6 +70,21 @@ def test_the_dialog_has_the_formats_and_options_of_the_command_line(scene):
     assert all(item.name and item.description for item in rna.properties["kind"].enum_items)
 
 
+def test_each_heading_of_the_formats_has_a_short_list(scene):
+    """A menu of one column with all formats is longer than a narrow window is high."""
+    shown = bpy.ops.icymoon.export_pairs.get_rna_type().properties["kind"].enum_items_static_ui
+    groups = [[]]
+    for item in shown:
+        if item.identifier:
+            groups[-1].append(item.identifier)
+        else:
+            assert item.name in export_pairs.HEADINGS.values()
+            groups.append([])
+    assert not groups[0]  # no format stands above the first heading
+    assert len(groups) - 1 == len(export_pairs.HEADINGS)
+    assert all(1 <= len(group) <= 8 for group in groups[1:])
+
+
 def test_every_title_names_what_is_written():
     for name, (title, content) in list_titles().items():
         assert title, name
