@@ -108,10 +108,10 @@ def advise_on_shadow(settings: Settings, shares: Array) -> str:
         return f"{dark} choose another light.date_utc, or turn the camera by rig.heading_deg."
     azimuth = find_lit_azimuth(settings, shares)
     if azimuth is None:
-        return f"{dark} raise light.sun_elevation_deg above {settings.light.sun_elevation_deg:g}°."
+        return f"{dark} raise light.sun_elevation_deg, now {settings.light.sun_elevation_deg:g}°."
     return (
         f"{dark} set light.sun_azimuth_deg to {azimuth:.0f}° ({100 * shares.max():.0f} % lit), or raise "
-        f"light.sun_elevation_deg above {settings.light.sun_elevation_deg:g}°."
+        f"light.sun_elevation_deg, now {settings.light.sun_elevation_deg:g}°."
     )
 
 

@@ -39,7 +39,7 @@ def test_a_view_that_is_lit_or_unknown_is_not_warned_of(shares):
 
 
 def test_where_no_azimuth_helps_the_sun_is_too_low():
-    assert advise([0.0] * 4).endswith("raise light.sun_elevation_deg above 8°.")
+    assert advise([0.0] * 4).endswith("raise light.sun_elevation_deg, now 8°.")
     assert "date" in advise([0.0, 1.0], directions_from="DATE")
 
 
