@@ -348,14 +348,11 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
     unsafe = entry["sites.false_safe"]
     if unsafe is None or entry["sites.taken"] < _MIN_GROUND_SHARE:
         much = "no" if unsafe is None else "hardly any"
-        there = (
-            ""
-            if entry["base_rate"] is None
-            else f", although {_format_percent(entry['base_rate'])} of 100 are safe"
-            if entry["base_rate"] > 0
-            else ", and no site is safe"
-        )
-        return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
+        base_rate = entry["base_rate"]
+        if base_rate == 0:
+            return f"No site is safe by the rules; with {name}{sun}, {much} site looks safe ({scenes})."
+        safe = "" if base_rate is None else f", although {_format_percent(base_rate)} of 100 are safe"
+        return f"With {name}{sun}, {much} site looks safe{safe} ({scenes})."
     between = _format_interval(entry, "sites.false_safe")
     chosen = "place" if unit == "site" else "site"  # "site" already names the pairs
     return (
@@ -489,11 +486,12 @@ def _find_notes_on_truth(rows: _Entries, unit: str) -> Iterator[str]:
     poor = sorted(pair for pair, share in lost.items() if share > MAX_LOST_BY_TRUTH)
     empty = sorted(pair for pair, sites in own.items() if sites["cells"][0] and not sites["cells"][1])
     for pairs, reason in (
-        (poor, f"even the true depth loses more than {100 * MAX_LOST_BY_TRUTH:.0f} % of their safe sites"),
-        (empty, "they have no safe site to lose"),
+        (poor, f"even the true depth loses more than {100 * MAX_LOST_BY_TRUTH:.0f} % of the safe sites"),
+        (empty, "no site is safe; try flatter ground, a longer reach or looser rules"),
     ):
         if pairs:
-            yield f"{format_count(len(pairs), unit)} cannot rank matchers, because {reason}: {', '.join(pairs[:5])}."
+            cannot = f"{format_count(len(pairs), unit)} ({', '.join(pairs[:5])}) cannot rank matchers"
+            yield f"{cannot}, because {reason}."
 
 
 def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:

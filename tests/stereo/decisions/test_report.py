@@ -127,7 +127,8 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
     assert head[0].endswith("no site looks safe, although 90 of 100 are safe (1 scene).")
     found[0]["numbers"]["sites"] |= {"base_rate": 0.0, "safe_lost": None, "no_site": None}
     head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
-    assert head[0].endswith("no site looks safe, and no site is safe (1 scene).")
+    assert head[0].startswith("No site is safe by the rules; with the true depth")
+    assert head[0].endswith("no site looks safe (1 scene).")
 
 
 def test_what_the_true_depth_loses_is_told_with_its_reasons():
@@ -150,7 +151,8 @@ def test_what_the_true_depth_loses_is_told_with_its_reasons():
         "these a rock looks too near. No matcher can be expected to lose fewer." in notes
     )
     ranks = [note for note in notes if "cannot rank" in note]
-    assert [note.rpartition(": ")[2] for note in ranks] == ["a.", "c."]
+    assert [note.partition(" cannot")[0] for note in ranks] == ["1 pair (a)", "1 pair (c)"]
+    assert ranks[1].endswith("no site is safe; try flatter ground, a longer reach or looser rules.")
 
 
 def _choose_on(grounds, unsafe, pairs_each=1):
