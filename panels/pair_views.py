@@ -16,7 +16,7 @@ from .fields import draw_lines
 #: Buttons in a row, and in a row of a narrow sidebar, whose lines have fewer characters than this.
 _BUTTON_COLUMNS, _FEWER_BUTTON_COLUMNS, _NARROW_LINE = 3, 2, 30
 #: A text as long as the lines about a pair without warnings.
-_ROOM = "1.23 ms, none saturated; depth 1.2 to 45 m"
+_ROOM = "Exposure 1.23 ms; 0.123 % saturated; Depth 1.23 to 45.6 m, shown at 1/2 of its size"
 
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:

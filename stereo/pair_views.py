@@ -95,12 +95,12 @@ class PairViews:
 
     @property
     def lines(self) -> list[str]:
-        """Short lines about the pair: exposure and depth, and darkness of the left image if most of it is dark."""
+        """Short lines about the pair: exposure, saturation, depth, and darkness if most of the left image is dark."""
         times = [_format_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
-        share = "none saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
+        share = "None saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
         depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
-        return [f"{' to '.join(times)}, {share}", ", ".join([depth, *size]), *filter(None, [self.darkness])]
+        return [f"Exposure {' to '.join(times)}", share, ", ".join([depth, *size]), *filter(None, [self.darkness])]
 
     def _make_side_by_side(self) -> list[Array]:
         depth = draw_true_depth(self.depth, self.scale)[..., ::-1]

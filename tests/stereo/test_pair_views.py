@@ -151,12 +151,16 @@ def test_lines_state_exposure_and_depth_of_the_pair(folder):
     views = read_pair_views(folder, {"sensor": {"auto_exposure": False, "exposure_s": 0.0125}})
     assert views.saturated > 0.5
     lines = views.lines
-    assert lines[0] == f"12.5 ms, {100 * views.saturated:.2g} % saturated"
-    assert lines[1] == f"Depth {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
+    assert lines[:2] == ["Exposure 12.5 ms", f"{100 * views.saturated:.2g} % saturated"]
+    assert lines[2] == f"Depth {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
     assert all(len(line) <= 36 for line in lines)
     assert any("saturated" in warning for warning in views.warnings)
-    assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[0].startswith("2 s to 80 µs, ")
-    assert replace(views, saturated=0.0, range_m=None).lines == ["12.5 ms, none saturated", "All sky"]
+    assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[0] == "Exposure 2 s to 80 µs"
+    assert replace(views, saturated=0.0, range_m=None).lines == [
+        "Exposure 12.5 ms",
+        "None saturated",
+        "All sky",
+    ]
 
 
 def test_a_dark_image_is_told_with_its_cause():
@@ -172,9 +176,9 @@ def test_the_lines_of_a_pair_name_its_darkness(folder):
     bright = read_pair_views(folder, {})
     dark = read_pair_views(folder, {"sensor": {"auto_exposure": False, "exposure_s": 1e-9}})
     assert np.mean(dark.left) < 0.01 * np.mean(bright.left)
-    assert len(bright.lines) == 2
-    assert dark.lines[2] == "100 % dark: low exposure"
-    assert len(dark.lines[2]) <= 30  # beside an icon
+    assert len(bright.lines) == 3
+    assert dark.lines[3] == "100 % dark: low exposure"
+    assert len(dark.lines[3]) <= 30  # beside an icon
 
 
 def test_what_needs_opencv_is_left_out_and_named(tmp_path, folder, monkeypatch):
