@@ -14,7 +14,7 @@ import bpy
 from ..render.graphics_cards import find_selected_cards
 from ..render.workers.assign_cards import ENVIRONMENT, add_cards
 from ..render.workers.detached_process import DetachedProcess
-from ..render.workers.process import Message, Process, clean_environment
+from ..render.workers.process import Message, Process, clean_environment, describe_end
 from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 from .work_in_pieces import WorkInPieces
@@ -140,7 +140,7 @@ class Job:
             return f"{self.title} was stopped; {self.if_stopped}."
         if self.error or self.result:
             return self.error
-        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.cause}"
+        return f"{self.title} {describe_end(self.process)}"
 
     def cancel(self) -> None:
         """Ask the job to stop; it ends within seconds."""

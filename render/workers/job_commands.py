@@ -19,7 +19,7 @@ from ...support.version import ROOT
 from ..pairs.dataset_file_names import check_id
 from ..plans.planned_pair import PlannedPair
 from .pair_claims import Claims
-from .process import Message, Process
+from .process import Message, Process, describe_end
 
 
 def python_command(python: str, *arguments: str) -> list[str]:
@@ -150,7 +150,7 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
     finally:
         job.remove()
     if failure or not folders:
-        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): {process.cause}")
+        raise IcyMoonError(failure or f"Blender {describe_end(process)}")
     return folders
 
 

@@ -15,7 +15,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 from ...support import system
 from ...support.errors import IcyMoonError
@@ -28,6 +28,28 @@ _STOP_GRACE_S = 3.0
 _TRACEBACK_START = "Traceback (most recent call last):"
 #: Lines that Blender prints at every end.
 _END_LINES = re.compile(r"Blender (quit|\d+\.\d+.*)|Error: script failed, .*, exiting\.")
+
+#: Exit statuses of a process that was killed: by signal 9, and as a shell states it.
+_KILLED = (-9, 137)
+
+
+class Ended(Protocol):
+    """A process that has ended."""
+
+    @property
+    def returncode(self) -> int:
+        """Exit status."""
+
+    @property
+    def cause(self) -> str:
+        """The line that best explains the end."""
+
+
+def describe_end(process: Ended) -> str:
+    """How a process ended that reported neither a result nor an error, and a remedy if it was killed."""
+    if process.returncode in _KILLED:
+        return "was killed, often for lack of memory; close other programs or choose a smaller scene, then try again"
+    return f"ended without a result (status {process.returncode}): {process.cause}"
 
 
 class ProcessOutput:

@@ -27,7 +27,7 @@ from ..plans.render_order import DEFAULT_MAX_SCENES, cut_into_jobs
 from .assign_cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
 from .job_commands import Job, blender_command
 from .pair_claims import CLAIMS_FOLDER, Claims
-from .process import Message, Process
+from .process import Message, Process, describe_end
 
 Send = Callable[..., None]
 #: Number of crashes of its worker after which a pair is set aside.
@@ -258,7 +258,7 @@ class Runner:
         if worker.fatal:
             raise IcyMoonError(worker.error)
         self._silent_ends = 0 if worker.spoke else self._silent_ends + 1
-        why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.cause}"
+        why = worker.error or f"Blender {describe_end(worker.process)}"
         if self._silent_ends >= MAX_CRASHES:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(folder_of_pair(self._dataset, worker.current)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 import pytest
-from icymoon.render.workers.process import Process
+from icymoon.render.workers.process import Process, describe_end
 
 FAREWELL = "Error: script failed, file: 'main.py', exiting.\nBlender 4.3.2\n\nBlender quit\n"
 TRACE = 'Traceback (most recent call last):\n  File "a.py", line 1, in <module>\n    import cv2\n    ^^^^^^^^^^\n'
@@ -60,4 +60,13 @@ def test_a_blender_that_fails_to_import_is_told_in_the_error_of_the_job(tmp_path
         pass
     assert job.failure == (
         "Dry Run ended without a result (status 1): ModuleNotFoundError: No module named 'a_module_that_is_not_there'"
+    )
+
+
+def test_a_killed_process_is_told_with_a_remedy():
+    """The kernel kills a process that takes too much memory, and nothing is printed then."""
+    process = Process([sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"])
+    assert list(process.wait_for_messages()) == []
+    assert describe_end(process) == (
+        "was killed, often for lack of memory; close other programs or choose a smaller scene, then try again"
     )
