@@ -27,6 +27,8 @@ MAX_PAIRS, SIDE_PX, _MAX_PICTURES = 8, 128, 64
 #: Seconds after which the folder is read again although it has not changed: a pair may be rendered anew in its place.
 _REREAD_S = 5.0
 _pictures = ButtonPictures()
+#: What tells a pair with a picture from others, by the key of the picture.
+_about: dict[str, str] = {}
 
 
 class RecentPair(NamedTuple):
@@ -93,6 +95,11 @@ def find_icon(pair: RecentPair) -> int | None:
     return None
 
 
+def find_description(pair: RecentPair) -> str:
+    """What tells a pair from others: its Sun and the size of its images; empty until its picture is made."""
+    return _about.get(_make_key(pair), "")
+
+
 def _make_key(pair: RecentPair) -> str:
     return f"{pair.folder} {pair.written_ns}"
 
@@ -120,7 +127,9 @@ def _keep(pair: RecentPair, job: jobs.Job) -> None:
         return
     if len(_pictures.collection) >= _MAX_PICTURES:
         _pictures.collection.clear()
+        _about.clear()
     views: PairViews = job.result["value"]
+    _about[_make_key(pair)] = views.about
     picture = views.shown_left
     shown = _pictures.collection.new(_make_key(pair))
     shown.image_size = picture.shape[1::-1]
@@ -141,3 +150,4 @@ def unregister() -> None:
     _PictureQueue.job = _PictureQueue.pair = None
     _PictureQueue.waiting, _PictureQueue.failed = (), frozenset()
     _pictures.remove()
+    _about.clear()

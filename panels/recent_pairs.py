@@ -46,9 +46,12 @@ class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
                 row.template_icon(icon_value=icon, scale=_PICTURE_SCALE)
             else:
                 row.label(text="", icon="IMAGE_DATA")
-            button = row.column()
-            button.scale_y = _PICTURE_SCALE if icon is not None else 1.0
+            beside = row.column(align=True)
+            button = beside.column()
+            button.scale_y = _PICTURE_SCALE - 1.0 if icon is not None else 1.0
             button.operator("icymoon.show_pair", text=pair.title, depress=pair.folder == shown).id = pair.id
+            if icon is not None:
+                beside.label(text=recent_pairs.find_description(pair))
 
 
 CLASSES = (ICYMOON_PT_recent,)

@@ -71,6 +71,7 @@ class PairViews:
     reduced: int  # factor by which width and height are reduced
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
     darkness: str  # ``describe_darkness`` of the left image
+    about: str  # what tells it from other pairs: its Sun and the size of its images
 
     def pictures(self, view: str) -> list[Array]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that alternate. KeyError for an unknown
@@ -181,7 +182,14 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
         factor,
         (*_describe_left_out(pair, settings), *images.warnings),
         describe_darkness(left / 255),
+        _describe_pair(pair),
     )
+
+
+def _describe_pair(pair: Pair) -> str:
+    """The elevation of the Sun, unless it is unknown, and columns and rows of the images."""
+    sun = [] if pair.sun is None else [f"Sun {pair.sun.elevation_deg:.0f}°"]
+    return ", ".join([*sun, f"{pair.camera.width_px} x {pair.camera.height_px}"])
 
 
 def _develop(pair: Pair, settings: Settings) -> DevelopedImages:

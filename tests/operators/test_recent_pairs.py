@@ -10,6 +10,7 @@ import bpy
 import pytest
 from icymoon.operators import recent_pairs, show_pair
 from icymoon.operators.session import session
+from icymoon.stereo.pair_views import read_pair_views
 from pairs import write_pair
 from panel_drawing import drawn
 
@@ -47,6 +48,10 @@ def test_the_newest_is_first_and_each_readable_pair_gets_a_picture(scene, datase
     make_all()
     assert [recent_pairs.find_icon(pair) is None for pair in found] == [False, True, False]  # 0 without a window
     assert recent_pairs.make_next() is None  # the damaged one is not read again
+    described = [recent_pairs.find_description(pair) for pair in found]
+    assert described[1] == ""
+    views = read_pair_views(found[0].folder, {}, recent_pairs.SIDE_PX)
+    assert described[0] == views.about
     side = recent_pairs._pictures.collection[recent_pairs._make_key(found[0])].image_size
     assert max(side) <= recent_pairs.SIDE_PX
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,6 +11,9 @@ from typing import Any
 import numpy as np
 import pairs
 import pytest
+from icymoon.physics.light.directions import direction_toward
+from icymoon.physics.light.scene_sun import SceneSun
+from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo import pair_views
 from icymoon.stereo.images.colours import SKY_GREY, Scale, draw_colour_bar
@@ -170,6 +174,21 @@ def test_a_dark_image_is_told_with_its_cause():
     assert describe_darkness(levels) == "60 % dark: shadow or sky"
     assert describe_darkness(np.full(9, 0.06)) == ""  # dim, but not black
     assert describe_darkness(0.02 * levels) == "100 % dark: low exposure"
+
+
+def test_a_pair_is_told_from_others_by_its_sun_and_size(folder):
+    pair = read_pair(folder)
+    size = f"{pair.camera.width_px} x {pair.camera.height_px}"  # of the render, however small the picture is
+    assert read_pair_views(folder, {}).about == read_pair_views(folder, {}, 100).about == size
+    record = json.loads((folder / "pair.json").read_text())
+    light = pair.settings.light
+    sun = SceneSun(
+        direction_toward(light.sun_azimuth_deg, light.sun_elevation_deg),
+        light.sun_irradiance_wm2,
+        light.sun_angular_diameter_deg,
+    )
+    (folder / "pair.json").write_text(json.dumps(record | {"light": {"sun": sun.to_json()}}))
+    assert read_pair_views(folder, {}).about == f"Sun {light.sun_elevation_deg:.0f}°, {size}"
 
 
 def test_the_lines_of_a_pair_name_its_darkness(folder):
