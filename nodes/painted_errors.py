@@ -71,6 +71,8 @@ _COUNTS_PROPERTY, _COLOURS_BEFORE_PROPERTY = (
 #: rocks at any precision of the view's depths.
 _COPY_SCALE, _COPY_SHIFT_SHARE = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
+#: Vertices of an object of copies, unless a single rock has more. Blender makes such a mesh in about 30 ms.
+_MAX_COPIED = 150_000
 _MAX_DIVISIONS = 4  # of triangles of rocks
 _GROUND_AND_CAMERA = ("terrain object", "terrain data", "rock object", "rock data", "camera")
 _KINDS = {
@@ -134,19 +136,27 @@ class MeshesToPaint:
 
 
 @dataclass(frozen=True)
-class FoundErrors:
-    """The errors of pairs on the meshes of a scene, and the number of pixels with each kind of error.
+class Copies:
+    """Copies of rocks for an object: positions (n, 3), triangles (m, 3), and errors and colours of the vertices."""
 
-    ``rocks`` are the positions (n, 3) and triangles (m, 3) of all copies of rocks, and the errors of their vertices;
-    ``colours`` are those of ``to_linear_colours``, of the vertices of the ground and of the copies, where errors of
-    ``full_m`` metres and more have the full colour.
+    position: Array
+    triangles: Array
+    errors: VertexErrors
+    colours: Array
+
+
+@dataclass(frozen=True)
+class FoundErrors:
+    """The errors of pairs on the ground of a scene and on ``copies`` of its rocks, and the number of pixels with each
+    kind of error. ``colours`` are those of ``to_linear_colours``, where errors of ``full_m`` metres and more have the
+    full colour.
     """
 
     ground: VertexErrors
-    rocks: tuple[Array, Array, VertexErrors] | None
+    colours: Array
+    copies: list[Copies]
     counts: dict[str, int]
     full_m: float
-    colours: tuple[Array, Array]
 
 
 def read_meshes(built: Built) -> Steps[MeshesToPaint]:
@@ -187,7 +197,6 @@ def find_errors(
         report(float(share), "Errors of the rocks")
         seen += _find_seen_rocks([shape], found, places)
     report(float(shares[-1]), "Colouring")
-    rocks = _join_copies(seen)
     if not sum(map(len, places)):
         raise IcyMoonError(
             "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
@@ -195,13 +204,13 @@ def find_errors(
         )
     pixels = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     total = {key: sum(count[key] for count in pixels) for key in pixels[0]}
-    return _colour_all(FoundErrors(ground, rocks, total, full_m, (np.empty((0, 4)), np.empty((0, 4)))), full_m)
+    return _colour_all(FoundErrors(ground, np.empty((0, 4)), _join_copies(seen), total, full_m), full_m)
 
 
 def _colour_all(errors: FoundErrors, full_m: float) -> FoundErrors:
     """The same errors with colours for another range; any thread may call this."""
-    of_rocks = _colour(errors.rocks[2], full_m) if errors.rocks else np.empty((0, 4), np.float32)
-    return replace(errors, full_m=full_m, colours=(_colour(errors.ground, full_m), of_rocks))
+    copies = [replace(each, colours=_colour(each.errors, full_m)) for each in errors.copies]
+    return replace(errors, full_m=full_m, colours=_colour(errors.ground, full_m), copies=copies)
 
 
 def _colour(shown: VertexErrors, full_m: float) -> Array:
@@ -224,36 +233,37 @@ def show_errors(
     """
     while (full_m := find_full_m()) != errors.full_m:  # the user has changed it meanwhile
         errors = yield partial(_colour_all, errors, full_m)
-    copies = _build_copies(errors.rocks) if errors.rocks else None
+    copies = list[bpy.types.Object]()
     try:
-        yield None
-        if copies is not None and errors.rocks:
-            refuse_other_ground(find_build(), errors.ground.error_m, copies)
-            _fill_attributes(copies.data, errors.rocks[2], errors.colours[1])
+        for each in errors.copies:
+            copies.append(_build_copies(each))
+            yield None
+            refuse_other_ground(find_build(), errors.ground.error_m, *copies)
+            _fill_attributes(copies[-1].data, each.errors, each.colours)
             yield None
         built = find_build()
-        refuse_other_ground(built, errors.ground.error_m, copies)
+        refuse_other_ground(built, errors.ground.error_m, *copies)
     except BaseException:
-        remove_unlinked(copies)
+        remove_unlinked(*copies)
         raise
     return _show_in_scene(built, errors, title, copies)
 
 
 def _show_in_scene(
-    built: Built, errors: FoundErrors, title: str, copies: bpy.types.Object | None
+    built: Built, errors: FoundErrors, title: str, copies: Iterable[bpy.types.Object]
 ) -> bpy.types.Collection:
     """Give the meshes of a built scene the colours of errors, and link the copies of rocks."""
     mesh = built.terrain.data
     collection = begin_painting(built.scene, mesh, NAME)
     collection[_COUNTS_PROPERTY] = errors.counts | {"title": title}
-    _fill_attributes(mesh, errors.ground, errors.colours[0])
+    _fill_attributes(mesh, errors.ground, errors.colours)
     for shape in find_rock_meshes(built):  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.vertices)
         unseen = VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf))
         _fill_attributes(shape, unseen, _colour(unseen, errors.full_m))
-    if copies is not None:
-        copies.name, copies.data.name = _COPIES_NAME, NAME  # which earlier ones had until now
-        collection.objects.link(copies)
+    for item in copies:
+        item.name, item.data.name = _COPIES_NAME, NAME  # which earlier ones had until now
+        collection.objects.link(item)
     darken_meshes(find_other_meshes(built))
     return collection
 
@@ -401,16 +411,26 @@ def find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
     return {shape.data for item in fields for shape in find_instanced_objects(item) if shape.type == "MESH"}
 
 
-def _join_copies(rocks: Sequence[tuple[Array, Array, VertexErrors]]) -> tuple[Array, Array, VertexErrors] | None:
-    """Positions, triangles and errors of all copies, joined to one mesh; None without copies."""
-    if not rocks:
-        return None
+def _join_copies(rocks: Iterable[tuple[Array, Array, VertexErrors]]) -> list[Copies]:
+    """Join copies, given by their positions, triangles and errors, to a few objects, without colours yet."""
+    groups, vertices = list[list[tuple[Array, Array, VertexErrors]]](), 0
+    for each in rocks:
+        vertices += len(each[0])
+        if not groups or vertices > _MAX_COPIED:
+            groups.append([])
+            vertices = len(each[0])
+        groups[-1].append(each)
+    return [_join_group(group) for group in groups]
+
+
+def _join_group(rocks: Sequence[tuple[Array, Array, VertexErrors]]) -> Copies:
     starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
     names = ("error_m", "kind", "depth_m")
-    return (
+    return Copies(
         np.concatenate([position for position, _, _ in rocks]),
         np.concatenate([faces + start for (_, faces, _), start in zip(rocks, starts, strict=False)]),
         VertexErrors(*(np.concatenate([getattr(shown, name) for _, _, shown in rocks]) for name in names)),
+        np.empty((0, 4)),
     )
 
 
@@ -456,14 +476,16 @@ def _find_seen_copies(
         shown = _find_vertex_errors(
             found, _place_instances(some, corners), _repeat_indices(edges, len(some), n), places
         )
-        rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
-        if rocks.any():
-            own = np.repeat(rocks, n)
+        seen = np.flatnonzero((shown.kind.reshape(-1, n) <= COARSE).any(axis=1))
+        most = max(1, _MAX_COPIED // max(1, n))
+        for rocks in (seen[k : k + most] for k in range(0, len(seen), most)):
             larger = _place_instances(some[rocks], corners * _COPY_SCALE)
             yield (
                 larger + _COPY_SHIFT_SHARE * (found[0].pose[:3, 3] - larger),
-                _repeat_indices(faces, int(rocks.sum()), n),
-                VertexErrors(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
+                _repeat_indices(faces, len(rocks), n),
+                VertexErrors(
+                    *(values.reshape(-1, n)[rocks].ravel() for values in (shown.error_m, shown.kind, shown.depth_m))
+                ),
             )
 
 
@@ -477,10 +499,9 @@ def _repeat_indices(indices: Array, times: int, vertices: int) -> Array:
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
-def _build_copies(rocks: tuple[Array, Array, VertexErrors]) -> bpy.types.Object:
-    """The object of the copies of rocks, in no collection and without colours."""
-    position, triangles, _ = rocks
-    mesh = build_mesh_from_arrays(NAME, position, triangles)
+def _build_copies(copies: Copies) -> bpy.types.Object:
+    """The object of copies of rocks, in no collection and without colours."""
+    mesh = build_mesh_from_arrays(NAME, copies.position, copies.triangles)
     material = build_material(COLOUR)
     mesh.materials.append(material)
     item = bpy.data.objects.new(_COPIES_NAME, mesh)

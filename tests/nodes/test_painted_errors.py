@@ -159,6 +159,32 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     assert all(painted_errors.COLOUR not in shape.data.attributes for shape in shapes)
 
 
+def read_copies(collection):
+    """Position, error and kind of all vertices of copies, sorted."""
+    rows = [
+        np.column_stack([read_property(item.data.vertices, "co", width=3).reshape(-1, 3), *read(item.data)[:2]])
+        for item in collection.objects
+    ]
+    found = np.concatenate(rows)
+    return found[np.lexsort(found.T)]
+
+
+def test_many_copies_are_made_object_by_object_in_pieces(shown, monkeypatch):
+    most = 45_000  # a rock has 40 962 at most
+    whole = read_copies(paint(shown))
+    assert len(whole) > 3 * most
+    monkeypatch.setattr(painted_errors, "_MAX_COPIED", most)
+    meshes, steps = [len(bpy.data.meshes)], begin_to_paint(shown)()
+    collection = walk(steps, lambda: meshes.append(len(bpy.data.meshes)))
+    sizes = [len(item.data.vertices) for item in collection.objects]
+    assert max(np.diff(meshes)) == 1
+    assert max(sizes) <= most
+    assert len(sizes) < 2.5 * len(whole) / most  # small ones are joined: two neighbours fill an object
+    np.testing.assert_array_equal(read_copies(collection), whole)
+    painted_errors.clear_painted(bpy.context.scene)
+    assert not [item for item in bpy.data.objects if painted_errors.NAME in item.name]
+
+
 @pytest.mark.heavy
 def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     pair, built, _ = shown
