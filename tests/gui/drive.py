@@ -1636,7 +1636,8 @@ LONGEST_S = {
     "render what was edited": 0.9,
 }
 OTHERS_S = 0.2
-#: Scenes of ``count_late_turns``, unless ICYMOON_LATE_SCENES names them.
+#: Scenes of ``count_late_turns``, unless ICYMOON_LATE_SCENES names them; ICYMOON_LATE_ACTIONS names actions to count,
+#: and leaves the others out.
 LATE_SCENES = ("europa_rough_ice", "enceladus_block_field")
 
 
@@ -1703,13 +1704,15 @@ def count_late_turns() -> Waiting:
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
     bpy.context.preferences.view.render_display_type = "NONE"
     named = os.environ.get("ICYMOON_LATE_SCENES", "")
+    wanted = [action for action in os.environ.get("ICYMOON_LATE_ACTIONS", "").split(",") if action]
     for scene in named.split(",") if named else LATE_SCENES:
         if built():
             with in_region("WINDOW"):
                 operators.clear_scene("EXEC_DEFAULT")
 
         def under(action: str, do: Waiting, scene: str = scene) -> Waiting:
-            yield from act(lateness, f"{scene}: {action}", do)
+            if action in wanted or not wanted:
+                yield from act(lateness, f"{scene}: {action}", do)
 
         group.dataset.folder, group.dataset.methods = str(FOLDER / scene), "bm"
         yield from under("preset", call(operators.load_preset, preset=f"scenes/{scene}", build=True))

@@ -97,9 +97,11 @@ class Lateness:
 
         return timed
 
-    def _tick(self) -> float:
+    def _tick(self) -> None:
+        """End the turn. Registered anew, it runs after all other timers of a turn: between two of them it would count
+        the second one of a turn and the first one of the next turn as one."""
         self._end_turn()
-        return _TICK_S
+        bpy.app.timers.register(self._tick, first_interval=_TICK_S)
 
     def _end_turn(self) -> None:
         now = time.thread_time()
