@@ -308,6 +308,11 @@ def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
             f"Debris under {rocks.debris_smallest_m:.3g} m is left out to keep to "
             f"{format_count(wanted.debris_most, 'fragment')}; raise rocks.debris_most or rocks.debris_smallest_m."
         )
+    if wanted.low_ground_m and not len(rocks.diameter_m):
+        warnings.append(
+            f"No place of a rock is lower than the mean height within {wanted.low_ground_m:g} m "
+            "(rocks.low_ground_m); raise it, or set it to 0 for rocks anywhere."
+        )
     if rocks.crowded_out:
         warnings.append(
             f"At rest there is no room for {format_count(rocks.crowded_out, 'rock')}; lower rocks.coverage or "

@@ -191,6 +191,13 @@ def _find_rock_reasons(settings: Settings) -> Iterator[Reason]:
             refuse_no_rocks(settings.rocks, float(settings.terrain.size_m), "terrain.size_m")
         except IcyMoonError as error:
             yield Reason(str(error), "rocks.largest_m", "rocks.smallest_m", "rocks.coverage", "terrain.size_m")
+        if settings.rocks.low_ground_m > 0 and settings.rocks.skirt > 0:
+            yield Reason(
+                "rocks.low_ground_m leaves out rocks whose skirts would stay (rocks.skirt is "
+                f"{settings.rocks.skirt:g}); set rocks.skirt to 0, or rocks.low_ground_m to 0.",
+                "rocks.low_ground_m",
+                "rocks.skirt",
+            )
         if settings.rocks.at_rest and settings.rocks.skirt > 0:
             yield Reason(
                 f"rocks.at_rest moves rocks away from their skirts (rocks.skirt is {settings.rocks.skirt:g}); set "

@@ -47,6 +47,14 @@ _BURIAL_VARIATION = 0.1
 _VERTICES_AT_ONCE = 1 << 20
 #: Width of the room of a rock at rest, over its outline.
 _ROOM = 1.04
+#: Number of directions in which the surroundings of a rock are probed for low ground.
+_LOW_DIRECTIONS = 8
+#: Side of squares whose places share one plane through their surroundings, over the radius.
+_LOW_SQUARE = 0.125
+#: Least depth of low ground below its surroundings, over their radius.
+_LEAST_LOW = 1e-6
+#: Number of squares whose surroundings are probed at a time.
+_SQUARES_AT_ONCE = 1 << 16
 #: A clear circle that removes no rock.
 _NO_CIRCLE = 0.0, 0.0, -math.inf
 
@@ -246,17 +254,21 @@ def scatter_rocks(
     up. Debris lies on the ground ``skirted``, which has the skirts of the rocks if there are any. Raises IcyMoonError
     if the settings contradict each other or the mask cannot be read.
 
-    Rocks that are ``at_rest`` have rolled down and do not reach into each other, see ``rest``. Those in the circle are
-    left out last, so the circle moves no other rock.
+    With ``low_ground_m`` only rocks on low ground are left, and on slopes that hold them (``rolling_deg``), which moves
+    no rock. Rocks that are ``at_rest`` have rolled down and do not reach into each other, see ``rest``. Those in the
+    circle are left out last, so the circle moves no other rock.
     """
     drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
+    if rocks.low_ground_m:
+        drawn = _choose_all_low(drawn, surface, skirted or surface, float(rocks.low_ground_m))
     crowded = 0
     if rocks.at_rest:
         laid, debris, crowded = _lay_at_rest(rocks, drawn, size_m, surface, shapes)
         laid, debris = ([_clear_circle(part, clear_m) for part in parts] for parts in (laid, debris))
     else:
-        laid = [_lay_rocks(part, surface, shapes, clear_m) for part in drawn.parts]
-        debris = [_lay_rocks(part, skirted or surface, shapes, clear_m) for part in drawn.debris]
+        steepest = float(rocks.rolling_deg) if rocks.low_ground_m else 90.0
+        laid = [_lay_rocks(part, surface, shapes, clear_m, steepest) for part in drawn.parts]
+        debris = [_lay_rocks(part, skirted or surface, shapes, clear_m, steepest) for part in drawn.debris]
     numbers = ("smallest_m", "beyond_rad", "debris_smallest_m")
     arrays = {
         f.name: np.concatenate([getattr(each, f.name) for each in (*laid, *debris)])
@@ -298,6 +310,45 @@ def _lay_at_rest(
     return laid, debris, crowded
 
 
+def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_m: float) -> _Drawn:
+    """The drawn rocks and their debris that are on low ground, each for itself: fragments of rocks on high ground have
+    fallen, as those rocks have."""
+    return replace(
+        drawn,
+        parts=tuple(_choose_low(part, surface, radius_m) for part in drawn.parts),
+        debris=tuple(_choose_low(part, skirted, radius_m) for part in drawn.debris),
+    )
+
+
+def _choose_low(loose: _LooseRocks, surface: HeightAt, radius_m: float) -> _LooseRocks:
+    """The rocks whose ground is lower than its surroundings by more than rounding, which differs between machines."""
+    low = surface(*loose.places_m.T) < _level_around(loose.places_m, surface, radius_m) - _LEAST_LOW * radius_m
+    return _choose(loose, low)
+
+
+def _level_around(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
+    """Heights (n,) in metres at places (n, 2) of planes through the surroundings: the mean of points in
+    ``_LOW_DIRECTIONS`` at half of a radius and at all of it, as far as there is ground. Planes, level or tilted, are
+    thus nowhere low. All places in a square of ``_LOW_SQUARE`` radii have one plane: fragments are many, squares few.
+    """
+    squares, of = np.unique(np.floor(places_m / (_LOW_SQUARE * radius_m)), axis=0, return_inverse=True)
+    middle = _LOW_SQUARE * radius_m * (squares + 0.5)
+    turn = 2 * np.pi * (np.arange(2 * _LOW_DIRECTIONS) + 0.5) / _LOW_DIRECTIONS
+    dx, dy = radius_m * np.repeat([0.5, 1.0], _LOW_DIRECTIONS) * np.stack([np.cos(turn), np.sin(turn)])
+    planes = np.empty((len(middle), 3))
+    for start in range(0, len(middle), _SQUARES_AT_ONCE):
+        x, y = middle[start : start + _SQUARES_AT_ONCE].T
+        around = surface(x[:, None] + dx, y[:, None] + dy)
+        known = np.isfinite(around)
+        mean = np.where(known, around, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        off = np.where(known, around - mean[:, None], 0.0)
+        slopes = [(off * d).sum(axis=1) / (d * d).sum() for d in (dx, dy)]
+        planes[start : start + _SQUARES_AT_ONCE] = np.stack([mean, *slopes], axis=1)
+    mean, east, north = planes[of.ravel()].T
+    away = places_m - middle[of.ravel()]
+    return np.asarray(mean + east * away[:, 0] + north * away[:, 1])
+
+
 def _find_cell_side(drawn: _Drawn) -> float:
     """Side in metres of cells of which an outline meets few."""
     return max((float(np.median(part.diameter_m)) for part in drawn.parts if len(part.diameter_m)), default=1.0) * 2.0
@@ -310,7 +361,7 @@ def _roll(rocks: RocksSettings, part: _LooseRocks, size_m: float, surface: Heigh
 def _settle(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]) -> tuple[Rocks, Array]:
     """Rocks in poses in which they touch the ground, with heights that are not finite where there is none, and their
     outlines (n, 32). The largest lie on three points; then each is lowered by its buried share."""
-    laid, thickness = _lay_all(loose, surface, shapes)
+    laid, thickness, _ = _lay_all(loose, surface, shapes)
     rotation, position, scale = euler_matrices(laid.rotation), laid.position_m.copy(), loose.scale_m
     some = np.flatnonzero(np.isfinite(position[:, 2]) & (np.arange(len(position)) < LEVEL_RANKS[0]))
     if len(some):
@@ -583,16 +634,23 @@ def _pose_rocks(
 
 
 def _lay_rocks(
-    loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]], clear_m: tuple[float, float, float]
+    loose: _LooseRocks,
+    surface: HeightAt,
+    shapes: Sequence[Sequence[RockShape]],
+    clear_m: tuple[float, float, float],
+    steepest_deg: float = 90.0,
 ) -> Rocks:
-    """The rocks in poses on the ground that do not reach into a circle."""
-    laid, _ = _lay_all(loose, surface, shapes)
-    return _clear_circle(_choose(laid, np.isfinite(laid.position_m[:, 2])), clear_m)
+    """The rocks in poses on the ground that do not reach into a circle, on slopes up to ``steepest_deg``."""
+    laid, _, normal = _lay_all(loose, surface, shapes)
+    held = np.isfinite(laid.position_m[:, 2]) & (normal[:, 2] >= math.cos(math.radians(steepest_deg)))
+    return _clear_circle(_choose(laid, held), clear_m)
 
 
-def _lay_all(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]) -> tuple[Rocks, Array]:
-    """All rocks in poses on the ground, with heights that are not finite where there is none, and their thicknesses
-    (n,) along the normal of the ground, in metres."""
+def _lay_all(
+    loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
+) -> tuple[Rocks, Array, Array]:
+    """All rocks in poses on the ground, with heights that are not finite where there is none, their thicknesses (n,)
+    along the normal of the ground, in metres, and these unit normals (n, 3)."""
     xy, scale, level, shape = loose.places_m, loose.scale_m, loose.level, loose.shape
     normal, ground = _measure_footprint_ground(xy, 0.45 * loose.diameter_m, surface)
     rotation = _rotation_from_vertical(normal) @ loose.rotation
@@ -603,7 +661,7 @@ def _lay_all(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[Ro
     beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
     z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
     position = np.column_stack([xy, z])
-    return Rocks(position, euler_xyz(rotation), scale, level, shape, loose.diameter_m, reach), thickness
+    return Rocks(position, euler_xyz(rotation), scale, level, shape, loose.diameter_m, reach), thickness, normal
 
 
 def move_rocks(

@@ -111,13 +111,17 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         since="0.4")
     mask_file: str = mask_file(
         "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")
+    low_ground_m: float = metres(
+        "Low Ground", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks and fragments lie only where the ground is lower than its "
+        "mean height within this radius, and slopes hold them, as between plates; 0 for rocks anywhere", "geometry",
+        section=PLACE, since="0.4")
     at_rest: bool = tick(
         "At Rest", False, "Let rocks roll down slopes that do not hold them, settle on three points of the ground, and "
         "lie beside each other. Otherwise each lies where it was drawn, along the slope there", "geometry",
         section=REST, since="0.4")
     rolling_deg: float = degrees(
         "Rolling Slope", 25.0, 1.0, 60.0, "Steepest slope that holds a rock, over its footprint", "geometry",
-        (15.0, 40.0), section=REST, active=ticked("at_rest"), since="0.4")
+        (15.0, 40.0), section=REST, active=ticked("at_rest") | positive("low_ground_m"), since="0.4")
     skirt: float = fraction(
         "Height", 0.0, "Height of the loose material around each rock at its outline, as a share of the height of the "
         "rock above the ground; 0 for none", "geometry", high=0.5, section=SKIRTS, since="0.4")

@@ -79,13 +79,14 @@ def test_rocks_of_which_none_fits_are_refused():
     assert len(rocks.diameter_m) == round(0.3 * 25 / np.pi)
 
 
-def test_rocks_at_rest_would_leave_their_skirts():
-    both = complete({"rocks": {"coverage": 0.1, "at_rest": True, "skirt": 0.2}})
+@pytest.mark.parametrize(("key", "value", "off"), [("at_rest", True, False), ("low_ground_m", 1.0, 0.0)])
+def test_rocks_at_rest_or_on_low_ground_would_leave_their_skirts(key, value, off):
+    both = complete({"rocks": {"coverage": 0.1, key: value, "skirt": 0.2}})
     (said,) = scene_checks.find_reasons_in_settings(both)
     assert is_sentence(said)
-    assert said.names == ("rocks.at_rest", "rocks.skirt")
-    for name, value in (("at_rest", False), ("skirt", 0.0), ("coverage", 0.0)):
-        assert not scene_checks.find_reasons_in_settings(complete(both, {"rocks": {name: value}}))
+    assert said.names == (f"rocks.{key}", "rocks.skirt")
+    for name, changed in ((key, off), ("skirt", 0.0), ("coverage", 0.0)):
+        assert not scene_checks.find_reasons_in_settings(complete(both, {"rocks": {name: changed}}))
 
 
 def returned(parameters, incidence_deg):

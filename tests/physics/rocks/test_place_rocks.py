@@ -445,3 +445,61 @@ def test_rocks_of_an_earlier_preview_do_not_stay(rocks, where, beyond):
     """A preview draws its rocks once for several grounds, but only for the same settings, seed and view."""
     assert_same_as_among_all(RESTING, SEEN_FROM, None)
     assert_same_as_among_all(RESTING | rocks, where, beyond)
+
+
+# Low ground
+
+
+def plates(x, y):
+    """Plates of 3 m, 1 m high, with 1 m of low ground between them, on a slope."""
+    inside = (np.mod(x, 4.0) < 3.0) & (np.mod(y, 4.0) < 3.0)
+    return inside + 0.1 * x - 0.2 * y
+
+
+@pytest.mark.parametrize("debris", [0.0, 0.3])
+def test_rocks_of_low_ground_lie_between_plates_as_they_did(debris):
+    """Between plates all points of the rings are as low or higher, and on a plate's middle none is higher."""
+    every, some = (
+        strewn(plates, coverage=0.2, debris=debris, low_ground_m=radius, rolling_deg=60.0) for radius in (0.0, 2.0)
+    )
+    x, y = some.position_m[:, :2].T
+    assert not ((np.abs(np.mod(x, 4.0) - 1.5) < 0.5) & (np.abs(np.mod(y, 4.0) - 1.5) < 0.5)).any()
+    assert np.mean(plates(x, y) - 0.1 * x + 0.2 * y < 0.5) > 0.9
+    where = {tuple(at): k for k, at in enumerate(every.position_m[:, :2])}
+    same = [where[tuple(at)] for at in some.position_m[:, :2]]
+    np.testing.assert_array_equal(every.rotation[same], some.rotation)
+    np.testing.assert_array_equal(every.position_m[same], some.position_m)
+    x, y = every.position_m[:, :2].T
+    between = (np.mod(x, 4.0) > 3.2) & (np.mod(x, 4.0) < 3.8)
+    assert np.isin(np.flatnonzero(between), same).all()
+    assert some.debris_start == np.sum(np.array(same) < every.debris_start)
+
+
+def test_a_steep_wall_of_low_ground_holds_no_rock():
+    """A trench of 6 m with walls of 45 degrees, 2 m high and 1.9 m wide where the footprint is on them alone."""
+
+    def trench(x, y):
+        return np.clip(np.abs(x) - 3.0, 0.0, 2.0) + 0.0 * y
+
+    steep, gentle = (strewn(trench, coverage=0.3, low_ground_m=4.0, rolling_deg=most) for most in (44.0, 46.0))
+    across, size = np.abs(gentle.position_m[:, 0]), gentle.diameter_m
+    on_wall = (across - size / 2 > 3.0) & (across + size / 2 < 5.0)
+    assert on_wall.any()
+    kept = {tuple(at) for at in steep.position_m}
+    assert not kept & {tuple(at) for at in gentle.position_m[on_wall]}
+    assert kept >= {tuple(at) for at in gentle.position_m[across + size < 3.0]}
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, 0.0), (0.123456789, -0.7)])
+def test_no_place_of_a_plane_is_low(tilt):
+    assert not len(strewn(lambda x, y: tilt[0] * x + tilt[1] * y, low_ground_m=1.7).diameter_m)
+
+
+def test_low_ground_at_the_border_counts_the_ground_that_there_is():
+    def bowl(x, y):
+        return np.where(np.hypot(x, y) < 9.0, (x * x + y * y) / 50.0, np.nan)
+
+    every, some = (strewn(bowl, low_ground_m=radius) for radius in (0.0, 0.5))
+    inside = np.hypot(*every.position_m[:, :2].T) < 8.4
+    kept = {tuple(at) for at in some.position_m}
+    assert kept >= {tuple(at) for at in every.position_m[inside]}
