@@ -37,7 +37,7 @@ class Ended(Protocol):
     """A process that has ended."""
 
     @property
-    def returncode(self) -> int:
+    def returncode(self) -> int | None:
         """Exit status."""
 
     @property
