@@ -11,6 +11,9 @@ from . import last_variations, results
 from .kept_pairs import find_kept_pairs, list_changes_since_render
 from .render import explain_missing_denoiser
 
+#: The next step where this Blender lacks the denoiser of the scene.
+DENOISER_OFF = "Next: Turn Denoiser Off"
+
 
 def find_next_step(scene: bpy.types.Scene) -> str:
     """The button or panel of the next step. A pair that has other settings than the present ones must be rendered
@@ -19,7 +22,7 @@ def find_next_step(scene: bpy.types.Scene) -> str:
         return "Next: Build Scene"
     pairs = find_kept_pairs(scene)
     if not pairs or (len(pairs) == 1 and list_changes_since_render(scene, pairs[0])):
-        return f"Next: {'Choose Another Denoiser' if explain_missing_denoiser(scene) else 'Render Stereo Pair'}"
+        return DENOISER_OFF if explain_missing_denoiser(scene) else "Next: Render Stereo Pair"
     if scene_properties.read_variations(scene.icymoon).varied and not last_variations.find_pairs(scene):
         return "Next: Vary This Scene, below"
     found = results.read_stored_results(scene)

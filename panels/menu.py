@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators import sidebar_text
 from ..operators.painted_masks import KINDS
 from ..operators.preferences import can_install_evaluator, find_asset_libraries
 from ..operators.presets import list_preset_items
 from ..operators.session import session
+from ..settings.blender import scene_properties
 from ..settings.preset_files import PRESET_KINDS
 from .fields import draw_start
 
@@ -42,8 +44,18 @@ class _KindMenu:
         return any(title == cls.kind for title, _ in group_presets_by_kind())
 
     def draw(self, context: bpy.types.Context) -> None:
-        for name, title in dict(group_presets_by_kind()).get(self.kind, []):
-            self.layout.operator("icymoon.load_preset", text=title).preset = name
+        listed = dict(group_presets_by_kind()).get(self.kind, [])
+        lacking = _find_qualities_lacking(context.scene) if self.kind == _KIND_TITLES["qualities"] else set()
+        for name, title in listed:
+            row = self.layout.row()
+            row.enabled = name not in lacking
+            row.operator("icymoon.load_preset", text=title).preset = name
+
+
+def _find_qualities_lacking(scene: bpy.types.Scene) -> set[str]:
+    """The names of the qualities that this Blender cannot render."""
+    shown = sidebar_text.list_quality_presets(scene_properties.read_for_display(scene.icymoon))
+    return {quality.name for quality in shown if quality.lacks}
 
 
 _MENU_TITLES = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _KIND_TITLES.items()}

@@ -96,13 +96,22 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if job is None:
         title, _, outcome = (session.ended or "No job is running").rpartition(": ")
         column.label(text=_choose_text(session.ended, outcome.capitalize()) if title else outcome)
-        column.label(text=next_step.find_next_step(scene))
+        _draw_next_step(column, next_step.find_next_step(scene))
         return
     text, below = job.shown
     row = column.split(factor=_BAR_SHARE, align=True)
     row.progress(factor=job.fraction, text=text)
     row.operator("icymoon.cancel")
     column.label(text=below)
+
+
+def _draw_next_step(layout: bpy.types.UILayout, step: str) -> None:
+    """Draw the next step, as a button where no other button of the panel does it."""
+    if step == next_step.DENOISER_OFF:
+        button = layout.operator("wm.context_set_enum", text=step)
+        button.data_path, button.value = "scene.icymoon.quality.denoiser", "NONE"
+    else:
+        layout.label(text=step)
 
 
 class ICYMOON_PT_main(Sidebar, bpy.types.Panel):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import bpy
 import pytest
 from icymoon.nodes.build_scene import find_built
-from icymoon.operators.next_step import find_next_step
+from icymoon.operators.next_step import DENOISER_OFF, find_next_step
+from icymoon.operators.sidebar_text import list_quality_presets
+from icymoon.settings.blender import scene_properties
 from icymoon.support.blender import compat
 from panel_drawing import drawn
 
@@ -46,8 +50,41 @@ def test_the_next_step_is_another_denoiser_and_render_is_grey(without):
     assert find_next_step(without) == "Next: Render Stereo Pair"
     assert bpy.ops.icymoon.render_pair.poll()
     without.icymoon.quality.denoiser = "OIDN"
-    assert find_next_step(without) == "Next: Choose Another Denoiser"
+    assert find_next_step(without) == DENOISER_OFF
     assert not bpy.ops.icymoon.render_pair.poll()
+    (button,) = [entry for entry in drawn(bpy.types.ICYMOON_PT_main) if entry[1] == "wm.context_set_enum"]
+    assert DENOISER_OFF in button
+    assert bpy.ops.wm.context_set_enum(data_path="scene.icymoon.quality.denoiser", value="NONE") == {"FINISHED"}
+    assert bpy.ops.icymoon.render_pair.poll()
+
+
+class _Row:
+    """Stands in for a row of a menu: the button, and whether it is grey."""
+
+    enabled = True
+    text = ""
+
+    def operator(self, name: str, text: str) -> SimpleNamespace:
+        self.text = text
+        return SimpleNamespace()
+
+
+def test_the_menu_of_qualities_offers_only_those_that_can_be_rendered(without):
+    rows: list[_Row] = []
+
+    def add_row() -> _Row:
+        rows.append(_Row())
+        return rows[-1]
+
+    menu = bpy.types.ICYMOON_MT_presets_qualities
+    menu.draw(SimpleNamespace(layout=SimpleNamespace(row=add_row), kind=menu.kind), SimpleNamespace(scene=without))
+    grey = {row.text for row in rows if not row.enabled}
+    lacking = {
+        each.title for each in list_quality_presets(scene_properties.read_settings(without.icymoon)) if each.lacks
+    }
+    assert grey == lacking
+    assert "Draft" in grey
+    assert len(grey) < len(rows)
 
 
 def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):
