@@ -351,7 +351,8 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
         base_rate = entry["base_rate"]
         if base_rate == 0:
             return f"No site is safe by the rules; with {name}{sun}, {much} site looks safe ({scenes})."
-        safe = "" if base_rate is None else f", although {_format_percent(base_rate)} of 100 are safe"
+        but = "although" if base_rate and base_rate >= _MIN_GROUND_SHARE else "and"
+        safe = "" if base_rate is None else f", {but} {_format_percent(base_rate)} of 100 are safe"
         return f"With {name}{sun}, {much} site looks safe{safe} ({scenes})."
     between = _format_interval(entry, "sites.false_safe")
     chosen = "place" if unit == "site" else "site"  # "site" already names the pairs
