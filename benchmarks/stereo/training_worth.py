@@ -1,18 +1,22 @@
 """The value of variety in training pairs: icynet trained on narrower sets, tested on grounds it never saw.
 
     python benchmarks training_worth --out FOLDER [--steps 200] [--seeds 3] [--processes 2] [--pairs PAIRS]
+                                     [--data DATASET ...]
 
 Each row has its own training, with as many steps and crops as the others: fewer grounds, one landform, high Suns only,
-ground of even albedo, images without noise. The test is the share of the pixels that are wrong by more than 1 px on
-made pairs of the four held-out splits, and of a data set PAIRS, such as the plan ``datasets/held_out``. The training
-on everything is repeated with other seeds; twice the standard deviation of a difference of two such trainings is the
-least difference that the study can show. A stopped study goes on where it stopped.
+ground of even albedo, images without noise. With --data, the rows are trainings on rendered pairs instead, so that
+data sets of the same pairs show what the quality of renders is worth. The test is the share of the pixels that are
+wrong by more than 1 px on made pairs of the four held-out splits, and of a data set PAIRS, such as the plan
+``datasets/held_out``. The training on everything, and each on rendered pairs, is repeated with other seeds; twice the
+standard deviation of a difference of two such means is the least difference that the study can show. A stopped study
+goes on where it stopped.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -25,9 +29,11 @@ import torch
 from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.learning.grounds import FULL, Variety
 from icymoon.stereo.learning.made_pairs import MadePairs
+from icymoon.stereo.learning.sources import GroundSource
 from icymoon.stereo.learning.train import WEIGHTS_FILE, CachedGrounds, Plan, Run
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.metrics import find_wrong_share
+from icymoon.stereo.training_data import PairsOfDataSet
 from icymoon.support.arrays import Array
 from icymoon.support.files import write_text
 
@@ -41,16 +47,26 @@ _BATCH, _RANGES_PX = 8, (32, 48, 64, 96)
 _SPLITS, _TEST_SEED, _TEST_GROUNDS, _PAIRS_OF_GROUND = ("ground", "landform", "body", "sun"), 900, 3, 4
 #: Name of the column of the data set.
 _CYCLES = "Cycles"
+#: Name of the training on all that varies.
+EVERYTHING = "everything"
 
 
 @dataclass(frozen=True)
 class Training:
-    """A training: its name, what varies in it, its number of grounds (0: a new one every few steps), and its seed."""
+    """A training: its name, what varies in it, its number of grounds (0: a new one every few steps), its seed, and the
+    data set of rendered pairs that it has in place of pairs made by rays."""
 
     name: str
     variety: Variety = FULL
     grounds: int = 0
     seed: int = 0
+    data: Path | None = None
+
+    def open_pairs(self) -> GroundSource:
+        """The pairs that it learns from."""
+        if self.data is not None:
+            return PairsOfDataSet(self.data, _PAIR_PX, self.seed)
+        return MadePairs("train", self.seed, _PAIR_PX, self.variety)
 
 
 NARROWED = (
@@ -69,6 +85,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, help="trainings on everything (%(default)s)")
     parser.add_argument("--processes", type=int, default=2, help="trainings at a time (%(default)s)")
     parser.add_argument("--pairs", type=Path, help="data set by Cycles that is a test too")
+    parser.add_argument(
+        "--data", type=Path, nargs="+", default=[], help="data sets to train on, in place of narrower sets"
+    )
 
 
 def measure_wrong_share(weights: Path, left: Array, right: Array, truth: Array) -> float:
@@ -124,8 +143,7 @@ def train_and_test(training: Training, steps: int, out: Path, dataset: Path | No
             steps_per_ground=steps // training.grounds if training.grounds else _STEPS_PER_GROUND,
             seed=training.seed,
         )
-        pairs = MadePairs("train", training.seed, _PAIR_PX, training.variety)
-        run = Run(plan, folder, CachedGrounds(pairs, out / "grounds"))
+        run = Run(plan, folder, CachedGrounds(training.open_pairs(), out / "grounds"))
         for _ in run.iterate():
             pass
         run.save()
@@ -134,26 +152,36 @@ def train_and_test(training: Training, steps: int, out: Path, dataset: Path | No
 
 
 def print_table(rows: list[tuple[Training, dict[str, float]]]) -> None:
-    """Print the mean of the trainings on everything, the others' differences from it, and the least difference that can
-    be shown."""
-    whole = [found for training, found in rows if training.name == "everything"]
-    columns = list(whole[0])
-    table = np.array([[each[column] for column in columns] for each in whole])
-    mean, spread = table.mean(axis=0), table.std(axis=0, ddof=1)
+    """Print the mean of the trainings on everything, the differences of the other means from it, and for each number of
+    trainings the least difference that shows. The spread of trainings on everything stands for all rows."""
+    columns = list(rows[0][1])
+    names = list(dict.fromkeys(training.name for training, _ in rows))
+    tables = {name: np.array([[f[c] for c in columns] for t, f in rows if t.name == name]) for name in names}
+    whole = tables.pop(EVERYTHING)
+    mean, spread = whole.mean(axis=0), whole.std(axis=0, ddof=1)
     print("| training | " + " | ".join(columns) + " |")
     print("|---|" + "---|" * len(columns))
-    print(f"| everything, {len(whole)} trainings, % wrong | " + " | ".join(f"{100 * each:.1f}" for each in mean) + " |")
-    for training, found in rows:
-        if training.name != "everything":
-            added = (f"{100 * (found[column] - mean[k]):+.1f}" for k, column in enumerate(columns))
-            print(f"| {training.name}, points more | " + " | ".join(added) + " |")
-    shown = 2 * spread * np.sqrt(1 + 1 / len(whole))
-    print("| least difference that shows | " + " | ".join(f"{100 * each:.1f}" for each in shown) + " |")
+    print(
+        f"| {EVERYTHING}, {len(whole)} trainings, % wrong | " + " | ".join(f"{100 * each:.1f}" for each in mean) + " |"
+    )
+    for name, table in tables.items():
+        added = (f"{100 * each:+.1f}" for each in table.mean(axis=0) - mean)
+        print(f"| {name}, {len(table)}, points more | " + " | ".join(added) + " |")
+    for count in sorted({len(table) for table in tables.values()}):
+        shown = 2 * spread * np.sqrt(1 / count + 1 / len(whole))
+        print(f"| least difference that shows, {count} | " + " | ".join(f"{100 * each:.1f}" for each in shown) + " |")
+
+
+def list_trainings(seeds: int, data: Sequence[Path]) -> list[Training]:
+    """The trainings on everything, and those on narrower sets or on the data sets."""
+    whole = [Training(EVERYTHING, seed=k) for k in range(seeds)]
+    rendered = [Training(folder.resolve().name, seed=k, data=folder) for folder in data for k in range(seeds)]
+    return [*whole, *(rendered or NARROWED)]
 
 
 def main(options: argparse.Namespace) -> None:
     """Train, test and print."""
-    trainings = [*(Training("everything", seed=k) for k in range(options.seeds)), *NARROWED]
+    trainings = list_trainings(options.seeds, options.data)
     work = partial(train_and_test, steps=options.steps, out=options.out, dataset=options.pairs)
     with ProcessPoolExecutor(options.processes) as pool:
         print_table(list(zip(trainings, pool.map(work, trainings), strict=True)))

@@ -26,8 +26,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from blenders import ROOT, SUITES, Blender, CannotRunError, build_store, find, install
 
 TIMEOUT_S = 3600.0
-#: Blender 4.3 loses its list of instances where a lit view begins anew before it has read all rocks. --debug-memory names
-#: all the blocks "duplilist" or "dupli object".
+#: Blender 4.3 loses its list of instances where a lit view begins anew before it has read all rocks. With
+#: --debug-memory, all the blocks are named "duplilist" or "dupli object".
 _LOST_LIST = "Error: Not freed memory blocks:"
 
 
