@@ -17,6 +17,9 @@ from .preferences import find_evaluator_python
 from .render import find_dataset_folder
 from .session import session
 
+#: Title of the jobs that decide.
+TITLE = "Decide"
+
 
 class DecidingOperator(JobOperator):
     """Mix-in: an operator that decides on the data set by the chosen matchers."""
@@ -52,7 +55,7 @@ class DecidingOperator(JobOperator):
             str(self._page.parent),
             "--json-lines",
         )
-        return MeasuringJob.start("Decide", command)
+        return MeasuringJob.start(TITLE, command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)

@@ -7,9 +7,10 @@ import bpy
 from ..nodes.build_scene import find_collection
 from ..nodes.preview import lacks_trench
 from ..settings.blender import scene_properties
-from . import last_variations, results
+from . import decide, last_variations, results
 from .kept_pairs import find_kept_pairs, list_changes_since_render
 from .render import explain_missing_denoiser
+from .session import session
 
 #: The next step where this Blender lacks the denoiser of the scene.
 DENOISER_OFF = "Next: Turn Denoiser Off"
@@ -25,6 +26,8 @@ def find_next_step(scene: bpy.types.Scene) -> str:
         return DENOISER_OFF if explain_missing_denoiser(scene) else "Next: Render Stereo Pair"
     if scene_properties.read_variations(scene.icymoon).varied and not last_variations.find_pairs(scene):
         return "Next: Vary This Scene, below"
+    if session.ended.startswith(f"{decide.TITLE}: ") and scene.session_uid in session.decided:
+        return "Next: Evaluation, at its end"
     found = results.read_stored_results(scene)
     evaluated = found is not None and (found.scope != "SCENE" or {path.name for path in pairs} <= {*found.pairs})
     if evaluated and not results.list_changed_settings(scene):

@@ -47,17 +47,20 @@ def sort_by_effect(typed: str, settings: Settings) -> list[tuple[str, str]]:
     )
 
 
-def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the field for words, and the settings and buttons that have these words.
+def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool:
+    """Draw the field for words to find, and return whether it has any."""
+    row = layout.row(align=True)
+    row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting or Button")
+    return bool(getattr(context.window_manager, TYPED).strip())
+
+
+def draw_found(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the settings and buttons that have the words of the search.
 
     Buttons that have them in their text or place are above the settings, and those with them in the tooltip below.
     Settings without an effect are below those that act.
     """
-    row, typed = layout.row(align=True), getattr(context.window_manager, TYPED)
-    row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting or Button")
-    if not typed.strip():
-        return
-    root = context.scene.icymoon
+    root, typed = context.scene.icymoon, getattr(context.window_manager, TYPED)
     settings = scene_properties.read_for_display(root)
     found, buttons = sort_by_effect(typed, settings), find_buttons(typed)
     drawn = buttons[:MAX_BUTTONS]

@@ -47,9 +47,11 @@ class _KindMenu:
         listed = dict(group_presets_by_kind()).get(self.kind, [])
         lacking = _find_qualities_lacking(context.scene) if self.kind == _KIND_TITLES["qualities"] else set()
         for name, title in listed:
-            row = self.layout.row()
-            row.enabled = name not in lacking
-            row.operator("icymoon.load_preset", text=title).preset = name
+            place = self.layout
+            if name in lacking:
+                place = place.row()
+                place.enabled = False
+            place.operator("icymoon.load_preset", text=title).preset = name
 
 
 def _find_qualities_lacking(scene: bpy.types.Scene) -> set[str]:

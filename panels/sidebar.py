@@ -35,7 +35,7 @@ from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
 from .exports import draw_export
 from .fields import RowsOfText, draw_fields, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
-from .find_setting import draw_search
+from .find_setting import draw_found, draw_search
 from .pair_views import draw_pair
 from .view_line import LONGEST, describe_view
 
@@ -123,7 +123,10 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
-        draw_search(layout, context)
+        searches = draw_search(layout, context)
+        if searches:  # the found settings may fill the sidebar
+            draw_job(layout, context.scene)
+            draw_found(layout, context)
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(
@@ -138,7 +141,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.build_scene", icon="RNDCURVE")
         draw_start(column, "icymoon.render_pair", "Render Stereo Pair", "RENDER_STILL")
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
-        draw_job(layout, context.scene)
+        if not searches:
+            draw_job(layout, context.scene)
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.list_lines(context.scene):

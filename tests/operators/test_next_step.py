@@ -43,6 +43,16 @@ def test_a_pair_of_other_settings_is_rendered_again(rendered):
     assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
 
 
+def test_after_decisions_their_answer_is_next(rendered):
+    evaluate(rendered)
+    session.decided[rendered.session_uid] = ("No site is safe by the rules.",)
+    assert next_step.find_next_step(rendered) == "Next: Stereo Error, below"
+    session.ended = "Decide: done"
+    assert next_step.find_next_step(rendered) == "Next: Evaluation, at its end"
+    session.ended = "Evaluate Stereo Pair: done"
+    assert next_step.find_next_step(rendered) == "Next: Stereo Error, below"
+
+
 def test_after_an_evaluation_of_variations_its_results_are_next(rendered):
     evaluate(rendered)
     kept = json.loads(rendered.icymoon.results)

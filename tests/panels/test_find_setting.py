@@ -21,7 +21,8 @@ from stand_ins import stand_in
 def draw(typed: str) -> list:
     bpy.context.window_manager.icymoon_sought = typed
     layout = Layout()
-    find_setting.draw_search(layout, bpy.context)
+    if find_setting.draw_search(layout, bpy.context):
+        find_setting.draw_found(layout, bpy.context)
     return layout.record
 
 
@@ -268,3 +269,15 @@ def test_drawing_is_fast_after_the_first_time(scene):
     for _ in range(20):
         draw("the")
     assert (time.process_time() - begin) / 20 < 0.02  # a frame at 50 Hz
+
+
+def test_how_a_job_goes_stays_above_what_is_found(scene):
+    """What is found may fill the sidebar."""
+    for typed in ("", "albedo"):
+        bpy.context.window_manager.icymoon_sought = typed
+        record = drawn(bpy.types.ICYMOON_PT_main)
+        places = [k for k, entry in enumerate(record) if entry[0] == "label" and "No job is running" in str(entry)]
+        assert len(places) == 1
+        found = [k for k, entry in enumerate(record) if entry[0] == "prop" and entry[1].endswith("surface.albedo")]
+        assert bool(found) == bool(typed)
+        assert all(places[0] < k for k in found)

@@ -58,33 +58,29 @@ def test_the_next_step_is_another_denoiser_and_render_is_grey(without):
     assert bpy.ops.icymoon.render_pair.poll()
 
 
-class _Row:
-    """Stands in for a row of a menu: the button, and whether it is grey."""
+class _Menu:
+    """Stands in for the layout of a menu and its rows: the text of each button, and whether it is grey."""
 
-    enabled = True
-    text = ""
+    def __init__(self, buttons: dict[str, _Menu]) -> None:
+        self.buttons, self.enabled = buttons, True
+
+    def row(self) -> _Menu:
+        return _Menu(self.buttons)
 
     def operator(self, name: str, text: str) -> SimpleNamespace:
-        self.text = text
+        self.buttons[text] = self
         return SimpleNamespace()
 
 
 def test_the_menu_of_qualities_offers_only_those_that_can_be_rendered(without):
-    rows: list[_Row] = []
-
-    def add_row() -> _Row:
-        rows.append(_Row())
-        return rows[-1]
-
+    buttons: dict[str, _Menu] = {}
     menu = bpy.types.ICYMOON_MT_presets_qualities
-    menu.draw(SimpleNamespace(layout=SimpleNamespace(row=add_row), kind=menu.kind), SimpleNamespace(scene=without))
-    grey = {row.text for row in rows if not row.enabled}
-    lacking = {
-        each.title for each in list_quality_presets(scene_properties.read_settings(without.icymoon)) if each.lacks
-    }
-    assert grey == lacking
+    menu.draw(SimpleNamespace(layout=_Menu(buttons), kind=menu.kind), SimpleNamespace(scene=without))
+    grey = {text for text, place in buttons.items() if not place.enabled}
+    shown = list_quality_presets(scene_properties.read_settings(without.icymoon))
+    assert grey == {each.title for each in shown if each.lacks}
     assert "Draft" in grey
-    assert len(grey) < len(rows)
+    assert len(grey) < len(buttons)
 
 
 def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):
