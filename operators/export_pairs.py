@@ -13,7 +13,7 @@ from ..render.pairs.pair_folder import has_pairs
 from ..render.workers.job_commands import blender_command, python_command
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings, typed
-from ..stereo.export import OPTIONS, exports_with_blender, list_options, list_titles
+from ..stereo.export import OPTIONS, exports_with_blender, list_headings, list_options, list_titles
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
@@ -28,16 +28,7 @@ from .sidebar_text import format_for_window
 
 #: The choice that stands among the formats for --for-prediction of the command line.
 _FOR_PREDICTION = "for-prediction"
-#: The headings in the list of formats, by the format that each stands above.
-HEADINGS = {
-    "png8": "Images and Disparity",
-    "coco": "Masks and Cameras",
-    "fits": "Radiance",
-    "ros2": "Sequences",
-    "webdataset": "Training",
-    "mitsuba": "Ground and Meshes",
-    _FOR_PREDICTION: "Matching Elsewhere",
-}
+HEADINGS = {**list_headings(), _FOR_PREDICTION: "Matching Elsewhere"}
 
 
 def _list_formats() -> list[tuple[str, str, str]]:

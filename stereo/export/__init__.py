@@ -4,7 +4,7 @@ An export is a plug-in, ours or of a package that the user installed; ``plugins/
 a module, or an ``Export``, with one of the functions that ``plug_in`` calls. A module that states ``NEEDS = "Blender"``
 builds ground, and ``PACKAGES`` states the packages that it needs in place of ``IMAGES``. By the names of exports,
 ``TITLES`` states a title and, after a colon, the content; ``TAKES`` states the keys of the ``OPTIONS`` that an export
-takes.
+takes; ``HEADINGS`` states the heading above an export in the window's list.
 """
 
 from __future__ import annotations
@@ -70,6 +70,12 @@ def list_titles() -> dict[str, tuple[str, str]]:
     found = find_plugins().usable.items()
     stated = {name: read_fact(plugin, "TITLES")[name].partition(": ") for name, plugin in found if plugin.built_in}
     return {name: (title, content) for name, (title, _, content) in stated.items()}
+
+
+def list_headings() -> dict[str, str]:
+    """The headings in the window's list of exports, by the name of the export that each stands above."""
+    stated = [read_fact(plugin, "HEADINGS") for plugin in find_plugins().usable.values() if plugin.built_in]
+    return {name: heading for each in stated if each for name, heading in each.items()}
 
 
 def list_options(name: str) -> list[Option]:

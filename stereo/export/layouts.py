@@ -43,6 +43,7 @@ from .plug_in import PluginExport
 from .whole_folders import fill_whole_folder
 
 Event = Callable[[dict[str, Any]], None]
+HEADINGS = {"png8": "Images and Disparity", "coco": "Masks and Cameras"}
 TITLES = {
     "png8": "PNG, 8 Bits: images, disparity, depth, labels and visibility of both eyes",
     "png16": "PNG, 16 Bits: images, disparity, depth, labels and visibility of both eyes",

@@ -40,6 +40,7 @@ from .ground import build_geometry, refuse_edited
 from .plug_in import FoldersContext
 
 NEEDS = "Blender"
+HEADINGS = {"mitsuba": "Ground and Meshes"}
 TITLES = {"mitsuba": "Mitsuba 3: the scene for this renderer, with meshes, cameras and light"}
 #: Distance of the Sun's disk, m, so large that its direction is the same from all of a ground.
 _SUN_DISTANCE_M = 1e9

@@ -29,6 +29,7 @@ from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .cameras import make_pixel_rays
 
+HEADINGS = {"fits": "Radiance"}
 TITLES = {
     "fits": "FITS: the radiance factor I/F, and incidence, emission and phase",
     "tiff": "TIFF: the radiance factor I/F, and incidence, emission and phase",

@@ -28,6 +28,7 @@ from .losses import Each
 #: Makers of messages by their names.
 Kinds = Mapping[str, Callable[..., object]]
 
+HEADINGS = {"ros2": "Sequences"}
 TITLES = {"ros2": "ROS 2 Bag: images, camera infos, true disparity, true points and poses"}
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 _NS_PER_S, _MAX_SECONDS = 1_000_000_000, 2**31

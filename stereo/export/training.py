@@ -34,6 +34,7 @@ from .encodings import KITTI_STEPS_PER_PX, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, refuse_losses
 from .whole_folders import fill_whole_folder
 
+HEADINGS = {"webdataset": "Training"}
 TITLES = {
     "webdataset": "WebDataset: tar shards for training, split by scene, with a data card",
     "sceneflow": "SceneFlow: the layout of FlyingThings3D, for training",
