@@ -21,6 +21,8 @@ from .ground.block_laws import fit_exponential_cover, fit_power_index
 _KINDS = ("rocks", "terrains", "scenes")
 #: The numbers that decide whether two presets have the same size law.
 _LAW_KEYS = ("law", "coverage", "smallest_m", "largest_m", "power_index")
+#: The preset whose source names floes of sea ice.
+_LIKE_FLOES = "brash_ice"
 #: Presets whose sources name the boulder fields of comet 67P.
 _LIKE_THE_COMET = ("block_field", "settled_snow")
 #: Presets of Golombek's law, and the rock abundances that their sites have.
@@ -74,8 +76,16 @@ def place_rocks(rocks: RocksSettings, seeds: Sequence[int]) -> PlacedRocks:
 
 
 def _make_settings(rocks: RocksSettings, seed: int) -> Settings:
-    # Fragments, whose shapes are made fastest: the shape of a rock does not change its diameter.
-    changed = {**dict(rocks.items()), "beyond_px": 0.0, "clear_radius_m": 0.0, "family": "FRAGMENTS"}
+    # Fragments, whose shapes are made fastest: the shape of a rock does not change its diameter. The law is of
+    # rocks before any on high ground is left out, and not of their debris.
+    changed = {
+        **dict(rocks.items()),
+        "beyond_px": 0.0,
+        "clear_radius_m": 0.0,
+        "low_ground_m": 0.0,
+        "debris": 0.0,
+        "family": "FRAGMENTS",
+    }
     parts = check({"rocks": changed, "dataset": {"seed": seed}}, "rocks")
     return merged(defaults(), parts)
 
@@ -94,6 +104,8 @@ def make_power_rows(name: str, rocks: RocksSettings, placed: PlacedRocks) -> lis
     """The fitted index of a power law beside the asked one, and beside published ones."""
     found = fit_power_index(placed.diameters_m, placed.smallest_m, float(rocks.largest_m))
     counted = published.COMET_BLOCKS if name in _LIKE_THE_COMET else published.SMALL_BODY_BLOCKS
+    if name == _LIKE_FLOES:
+        counted = published.SEA_ICE_FLOES
     return [
         Row(
             f"`{name}`: index of the sizes of {len(placed.diameters_m)} rocks, asked",

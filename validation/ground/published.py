@@ -37,6 +37,8 @@ EUROPA_BANDS = Range(4.0, 6.0, SCHENK)
 COMET_BLOCKS = Range(2.3, 2.7, _CAMBIANICA)
 #: From the two regions of the comet over Ryugu (2.65), Itokawa (3.05) to Eros (3.25), with Eros' error of 0.14.
 SMALL_BODY_BLOCKS = Range(2.3, 3.39, f"{_CAMBIANICA}; Ryugu, Itokawa and Eros: {_MICHIKAMI}")
+#: Index of the widths of broken floes of sea ice.
+SEA_ICE_FLOES = Range(1.7, 2.5, "Rothrock and Thorndike 1984, J. Geophys. Res. 89, 6477")
 
 #: The rock abundance at the landing sites of Spirit and of Pathfinder, and its error, to which sites are rounded.
 SPIRIT_COVER = 0.05
