@@ -114,7 +114,7 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
     low_ground_m: float = metres(
         "Low Ground", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks and fragments lie only where the ground is lower than its "
         "mean height within this radius, and slopes hold them, as between plates; 0 for rocks anywhere", "geometry",
-        section=PLACE, since="0.4")
+        zero="all", section=PLACE, since="0.4")
     at_rest: bool = tick(
         "At Rest", False, "Let rocks roll down slopes that do not hold them, settle on three points of the ground, and "
         "lie beside each other. Otherwise each lies where it was drawn, along the slope there", "geometry",
