@@ -21,10 +21,12 @@ from .ground.block_laws import fit_exponential_cover, fit_power_index
 _KINDS = ("rocks", "terrains", "scenes")
 #: The numbers that decide whether two presets have the same size law.
 _LAW_KEYS = ("law", "coverage", "smallest_m", "largest_m", "power_index")
-#: The preset whose source names floes of sea ice.
-_LIKE_FLOES = "brash_ice"
-#: Presets whose sources name the boulder fields of comet 67P.
-_LIKE_THE_COMET = ("block_field", "settled_snow")
+#: Presets whose sources name the blocks of comet 67P or floes of sea ice. Others are as on small bodies.
+_COUNTED = {
+    "block_field": published.COMET_BLOCKS,
+    "settled_snow": published.COMET_BLOCKS,
+    "brash_ice": published.SEA_ICE_FLOES,
+}
 #: Presets of Golombek's law, and the rock abundances that their sites have.
 _ON_MARS = {
     "golombek_10": published.Range(published.SPIRIT_COVER, published.PATHFINDER_COVER, published.GOLOMBEK_SITES),
@@ -103,9 +105,7 @@ def make_rock_rows(seeds: Sequence[int]) -> list[Row]:
 def make_power_rows(name: str, rocks: RocksSettings, placed: PlacedRocks) -> list[Row]:
     """The fitted index of a power law beside the asked one, and beside published ones."""
     found = fit_power_index(placed.diameters_m, placed.smallest_m, float(rocks.largest_m))
-    counted = published.COMET_BLOCKS if name in _LIKE_THE_COMET else published.SMALL_BODY_BLOCKS
-    if name == _LIKE_FLOES:
-        counted = published.SEA_ICE_FLOES
+    counted = _COUNTED.get(name, published.SMALL_BODY_BLOCKS)
     return [
         Row(
             f"`{name}`: index of the sizes of {len(placed.diameters_m)} rocks, asked",
