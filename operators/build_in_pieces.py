@@ -23,7 +23,7 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.steps import Steps
-from . import live_preview, refine_ground
+from . import keep_marks, live_preview, refine_ground
 from .build import build_and_show, leave_edit_mode, report_sentences
 from .job_operators import KeyStoppedOperator
 from .jobs import INTERVAL_S, Job
@@ -124,6 +124,8 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
     def report_success(self, context: bpy.types.Context) -> None:
         """Report what was built, and let the ground at full resolution follow."""
         report_sentences(self, self._job.result["value"])
+        if (scene := find_scene(self._scene_uid)) is not None:
+            keep_marks.schedule_reading(scene)
         refine_ground.start_refining()
 
 

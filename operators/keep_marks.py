@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TypeAlias
+
 import bpy
 
 from ..nodes import build_scene as scenes
@@ -15,6 +18,8 @@ from .window_areas import find_scene
 from .window_events import call_later, make_registration
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
+#: Marks of meshes by the ``session_uid`` of the mesh.
+Marks: TypeAlias = dict[int, list[object]]
 #: Seconds after which the marks are read: the scene is drawn first.
 _BEGIN_S = 0.2
 
@@ -26,12 +31,27 @@ def schedule_reading(scene: bpy.types.Scene) -> None:
     call_later(_read_next, _BEGIN_S)
 
 
+def keep_marks(marks: Marks) -> None:
+    """Keep marks that were read before, of meshes that a scene has taken in since. Blender must have announced these
+    meshes by then, since each announcement lets their marks be forgotten."""
+    stop_reading()
+    for uid, found in marks.items():
+        known_marks.keep_marks(uid, found)
+
+
 def stop_reading() -> None:
     """Stop to read marks, and forget those that were read."""
     known_marks.forget_marks()
     if session.marking is not None:
         session.marking.stop()
         session.marking = None
+
+
+def _read_anew() -> None:
+    """Read the marks of the scene in the window after undo, redo or the opening of a file."""
+    stop_reading()
+    if not bpy.app.background:
+        schedule_reading(bpy.context.scene)
 
 
 def _read_next() -> float | None:
@@ -51,12 +71,17 @@ def _keep_marks(scene_uid: int) -> Steps[None]:
         known_marks.keep_marks(uid, marks)
 
 
-def _read_marks(scene_uid: int) -> Steps[dict[int, list[object]]]:
-    """The marks of the meshes of a built scene in steps, by their ``session_uid``."""
+def _read_marks(scene_uid: int) -> Steps[Marks]:
+    """The marks of the meshes of a built scene in steps."""
     scene = find_scene(scene_uid)
     built = scenes.find_built(scene) if scene is not None else None
-    found: dict[int, list[object]] = {}
-    for mesh in list_meshes(built.collection) if built is not None else ():
+    return (yield from read_marks_in_steps(list_meshes(built.collection) if built is not None else ()))
+
+
+def read_marks_in_steps(meshes: Iterable[bpy.types.Mesh]) -> Steps[Marks]:
+    """The marks of meshes in steps; a mesh in Edit Mode has none."""
+    found: Marks = {}
+    for mesh in meshes:
         if not mesh.is_editmode:
             found[mesh.session_uid] = yield from list_mesh_marks_in_steps(mesh)
     return found
@@ -80,10 +105,10 @@ _register, _unregister = make_registration(
     end=stop_reading,
     undo_pre=stop_reading,
     redo_pre=stop_reading,
-    undo_post=stop_reading,
-    redo_post=stop_reading,
+    undo_post=_read_anew,
+    redo_post=_read_anew,
     load_pre=stop_reading,
-    load_post=stop_reading,
+    load_post=_read_anew,
 )
 
 

@@ -17,6 +17,7 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.datablocks.fingerprint import list_meshes_of
 from ..nodes.scene_objects import MadeObjects
 from ..nodes.stored_build import read_build_in_steps
 from ..render.workers.job_commands import Job as JobFiles
@@ -122,7 +123,6 @@ def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:
         if message["type"] == "error":
             _give_up(built, IcyMoonError(message["message"]))
     view_resolution.begin_coarse(built.scene)
-    keep_marks.schedule_reading(built.scene)
     session.picture.count(built.scene)
     redraw_panels()
     return jobs.INTERVAL_S
@@ -146,12 +146,23 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     made.keep_sky(True)  # the live preview removes worlds without users
     try:
         yield None
+        marks = yield from _read_marks(made)
         built = yield from settle(partial(_find_unedited, scene_uid))
     except BaseException:
         made.remove()
         raise
     made.keep_sky(False)
     _put_refined(built, of, made)
+    bpy.context.view_layer.update()  # Blender announces the new meshes
+    keep_marks.keep_marks(marks)
+
+
+def _read_marks(made: MadeObjects) -> Steps[keep_marks.Marks]:
+    """The marks of the meshes that were made, in steps: the first step of a slider asks for them, which may come as
+    soon as the ground is shown. Empty if a mesh was removed meanwhile, by *Purge Unused Data* for example."""
+    with suppress(ReferenceError):
+        return (yield from keep_marks.read_marks_in_steps(list_meshes_of(made.objects)))
+    return {}
 
 
 def _find_unedited(scene_uid: int) -> Steps[scenes.Built]:

@@ -8,7 +8,7 @@ Everything that the builders did not make counts as added.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,8 +108,12 @@ class Reading:
 
 def list_meshes(collection: bpy.types.Collection) -> list[bpy.types.Mesh]:
     """The meshes of what the builders made in a collection, and of what that instances."""
-    ours = find_built_objects(collection).values()
-    every = [*ours, *(shape for item in ours for shape in find_instanced_objects(item))]
+    return list_meshes_of(find_built_objects(collection).values())
+
+
+def list_meshes_of(objects: Collection[bpy.types.Object]) -> list[bpy.types.Mesh]:
+    """The meshes of objects, and of what those instance."""
+    every = [*objects, *(shape for item in objects for shape in find_instanced_objects(item))]
     return [item.data for item in every if isinstance(item.data, bpy.types.Mesh)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -118,6 +119,18 @@ def test_undo_and_another_file_forget_them(built, event):
         if handler.__module__ == window_events.__name__:
             handler(None, None)
     assert not known_marks.has_known_marks()
+
+
+@pytest.mark.parametrize("event", ["undo_post", "load_post"])
+def test_in_a_window_they_are_read_anew_after_undo_and_when_a_file_is_open(built, event, monkeypatch):
+    monkeypatch.setattr(keep_marks, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), context=bpy.context))
+    for handler in list(getattr(bpy.app.handlers, event)):
+        if handler.__module__ == window_events.__name__ and "_read_anew" in repr(handler.__closure__[0]):
+            handler(None, None)
+    cancel_call(keep_marks._read_next)
+    while keep_marks._read_next() is not None:
+        pass
+    assert is_known(built)
 
 
 def test_they_are_read_in_pieces_and_anew_after_a_change(built):

@@ -12,8 +12,9 @@ from built_beside import build_beside
 from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.operators import jobs, live_preview, refine_ground, view_exposure, work_in_pieces
+from icymoon.nodes.datablocks import known_marks
+from icymoon.nodes.datablocks.fingerprint import list_meshes, read_marks, read_parts
+from icymoon.operators import jobs, keep_marks, live_preview, refine_ground, view_exposure, work_in_pieces
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import replace_keys_by_labels
@@ -270,6 +271,28 @@ def test_the_fine_scene_comes_in_pieces_and_shows_at_the_last(built_elsewhere):
     assert session.placing is None
     assert everything() == counts
     assert is_as_built_at_once(built)
+
+
+def test_the_marks_of_the_fine_ground_are_known_when_it_is_shown(built_elsewhere):
+    built = look()
+    meshes = list_meshes(built.collection)
+    assert len(meshes) > 2
+    assert set(known_marks.find_known_marks(meshes)) == set(meshes)
+    assert read_marks(built.collection, trusts=True) == read_marks(built.collection)
+    bpy.context.view_layer.update()
+    assert set(known_marks.find_known_marks(meshes)) == set(meshes)
+
+
+def test_a_mesh_that_is_removed_while_its_marks_are_read_leaves_the_coarse_ground(built_elsewhere, monkeypatch):
+    def remove(meshes):
+        yield None
+        bpy.data.meshes.remove(meshes[0])
+        _ = meshes[0].name
+
+    monkeypatch.setattr(keep_marks, "read_marks_in_steps", remove)
+    built = look()
+    assert built.preview
+    assert "were removed while it was built" in " ".join(preview.read_notes(built_elsewhere))
 
 
 def read_fine() -> None:
