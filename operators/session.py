@@ -78,6 +78,7 @@ class Session:
     #: When the mouse button was pressed that holds a field, in seconds of ``time.monotonic``; None if it is up.
     pressed_s: float | None = None
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
+    settings_before_undo: dict[int, Settings] = field(default_factory=dict)  # by ``session_uid`` of the scene
     traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
     #: The clock's and the processor's seconds when the load of this Blender was measured last.
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))

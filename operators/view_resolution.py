@@ -13,8 +13,10 @@ from contextlib import suppress
 import bpy
 
 from ..nodes import build_scene as scenes
+from ..settings.blender import scene_properties
+from ..settings.topics.scene import Settings
 from .session import session
-from .window_areas import list_areas
+from .window_areas import find_scene, list_areas
 from .window_events import call_later, make_registration
 
 #: Screen pixels along a side of a pixel of the view.
@@ -115,6 +117,32 @@ def _resume_refining() -> None:
             begin_coarse(scene)
 
 
+def _note_settings() -> None:
+    """Note the settings of built scenes before undo or redo."""
+    session.settings_before_undo = _read_settings()
+
+
+def _read_settings() -> dict[int, Settings]:
+    """The settings of built scenes, by ``session_uid``."""
+    scenes_with_build = [scene for scene in bpy.data.scenes if has_window() and scenes.find_collection(scene)]
+    return {scene.session_uid: scene_properties.read_unchecked(scene.icymoon) for scene in scenes_with_build}
+
+
+def _follow_undo() -> None:
+    """Show what undo or redo has changed with larger pixels first: the exposure is the new one at once, and the old
+    picture is too bright or too dark with it until the next picture comes."""
+    _resume_refining()
+    before, session.settings_before_undo = session.settings_before_undo, {}
+    for uid, settings in _read_settings().items():
+        if before.get(uid, settings) != settings and (scene := find_scene(uid)) is not None:
+            begin_coarse(scene)
+
+
 register, unregister = make_registration(
-    timers=(_refine_resting_view,), undo_post=_resume_refining, redo_post=_resume_refining, load_post=_resume_refining
+    timers=(_refine_resting_view,),
+    undo_pre=_note_settings,
+    redo_pre=_note_settings,
+    undo_post=_follow_undo,
+    redo_post=_follow_undo,
+    load_post=_resume_refining,
 )

@@ -93,3 +93,16 @@ def test_a_note_of_a_file_that_means_nothing_changes_nothing(clocks, small, evil
     collection[view_resolution._CHOICE_PROPERTY] = evil
     assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
     assert pixels() == "2"
+
+
+@pytest.mark.parametrize(("albedo", "shown"), [(0.3, "2"), (None, "AUTO")])
+def test_undo_that_changes_a_setting_shows_larger_pixels_first(clocks, albedo, shown):
+    bpy.ops.icymoon.build_scene()
+    clocks.pass_s(10, busy=0.01)
+    view_resolution._refine_resting_view()
+    assert pixels() == "AUTO"
+    view_resolution._note_settings()
+    if albedo is not None:
+        bpy.context.scene.icymoon.surface.albedo = albedo
+    view_resolution._follow_undo()
+    assert pixels() == shown
