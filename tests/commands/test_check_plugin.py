@@ -104,6 +104,14 @@ def test_an_unknown_one_names_the_nearest(check, capsys):
     assert main(["check-plugin", "icymoon-test-twelve"]) == 1  # by the name of its package; it measures no plane
 
 
+def expect_fault(check, kind: str, good: str, bad: str, said: str) -> None:
+    """A good plug-in passes, and a bad one fails with a sentence."""
+    assert check(kind, good)[0] == 0
+    status, out = check(kind, bad, name="other", package="another")
+    assert status == 1
+    assert said in out
+
+
 #: A landform that does what it should.
 WAVES = '''\
 """Waves."""
@@ -172,10 +180,7 @@ def measure(found):
     ],
 )
 def test_what_a_metric_forgets_is_told(check, before, after, said):
-    assert check("metric", METRIC)[0] == 0
-    status, out = check("metric", METRIC.replace(before, after), name="other", package="another")
-    assert status == 1
-    assert said in out
+    expect_fault(check, "metric", METRIC, METRIC.replace(before, after), said)
 
 
 EXPORT = '''\
@@ -198,7 +203,4 @@ def write_pair(pair, folder):
     ],
 )
 def test_what_an_export_forgets_is_told(check, before, after, said):
-    assert check("export", EXPORT)[0] == 0
-    status, out = check("export", EXPORT.replace(before, after), name="other", package="another")
-    assert status == 1
-    assert said in out
+    expect_fault(check, "export", EXPORT, EXPORT.replace(before, after), said)

@@ -8,6 +8,7 @@ import time
 import bpy
 import numpy as np
 import pytest
+from camchains import make_camchain
 from icymoon.nodes.build_scene import build_scene
 from icymoon.physics.camera.head_camera import show_points
 from icymoon.render.pairs.pair_folder import find_pairs, read_pair
@@ -83,25 +84,7 @@ model = "CALIBRATED"
 calibration = "chain.yaml"
 camera = "cam1"
 """
-CAMCHAIN = """
-cam0:
-  camera_model: pinhole
-  distortion_model: radtan
-  distortion_coeffs: [-0.2, 0.05, 0.001, -0.002]
-  intrinsics: [80.0, 82.0, 50.0, 33.0]
-  resolution: [96, 72]
-cam1:
-  T_cn_cnm1:
-  - [1.0, 0.0, 0.0, -0.3]
-  - [0.0, 1.0, 0.0, 0.1]
-  - [0.0, 0.0, 1.0, 0.0]
-  - [0.0, 0.0, 0.0, 1.0]
-  camera_model: pinhole
-  distortion_model: equidistant
-  distortion_coeffs: [0.01, -0.003, 0.0, 0.0]
-  intrinsics: [40.0, 41.0, 44.0, 37.0]
-  resolution: [96, 72]
-"""
+CAMCHAIN = make_camchain((80.0, 82.0, 50.0, 33.0), (40.0, 41.0, 44.0, 37.0), (96, 72))
 
 
 def _render(folder, *parts, ball: bool = False):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camchains import make_camchain
 from icymoon.formats.calibrations.head_file import list_head_files, read_head
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera
 from icymoon.physics.camera.lens_models import Fisheye
@@ -18,25 +19,7 @@ width_px = 64
 height_px = 48
 field_deg = 60
 """
-CAMCHAIN = """
-cam0:
-  camera_model: pinhole
-  distortion_model: radtan
-  distortion_coeffs: [-0.2, 0.05, 0.001, -0.002]
-  intrinsics: [60.0, 62.0, 30.0, 25.0]
-  resolution: [64, 48]
-cam1:
-  T_cn_cnm1:
-  - [1.0, 0.0, 0.0, -0.3]
-  - [0.0, 1.0, 0.0, 0.1]
-  - [0.0, 0.0, 1.0, 0.0]
-  - [0.0, 0.0, 0.0, 1.0]
-  camera_model: pinhole
-  distortion_model: equidistant
-  distortion_coeffs: [0.01, -0.003, 0.0, 0.0]
-  intrinsics: [30.0, 31.0, 30.0, 25.0]
-  resolution: [64, 48]
-"""
+CAMCHAIN = make_camchain((60.0, 62.0, 30.0, 25.0), (30.0, 31.0, 30.0, 25.0), (64, 48))
 
 
 def _write(tmp_path, text):
