@@ -33,6 +33,7 @@ _INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark the
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
 _COLOUR_SHARE = 0.6  # of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
+_MIN_LETTERED_PX = 400  # columns of an eye's image beside which captions and numbers have room
 
 
 #: Share of the range of an image below which a pixel looks black, and the share of such pixels that a line names.
@@ -105,12 +106,13 @@ class PairViews:
 
     def _make_side_by_side(self) -> list[Array]:
         depth = draw_true_depth(self.depth, self.scale)[..., ::-1]
-        width = self.left.shape[1]
+        left, right, depth = (_enlarge(picture) for picture in (self.shown_left, self.shown_right, depth))
+        width = depth.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
         legend = self._draw_legend(width, size)
         columns = [
-            np.vstack([self.shown_left, _draw_caption("Left", legend.shape, size)]),
-            np.vstack([self.shown_right, _draw_caption("Right", legend.shape, size)]),
+            np.vstack([left, _draw_caption("Left", legend.shape, size)]),
+            np.vstack([right, _draw_caption("Right", legend.shape, size)]),
             np.vstack([depth, legend]),
         ]
         gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER_GREY, np.uint8)
@@ -123,6 +125,7 @@ class PairViews:
     def _make_overlay(self) -> list[Array]:
         colour = draw_true_depth(self.depth, self.scale)[..., ::-1].astype(np.float32)
         mixed = np.rint(_COLOUR_SHARE * colour + (1 - _COLOUR_SHARE) * self.left[..., None]).astype(np.uint8)
+        mixed = _enlarge(mixed)
         width = mixed.shape[1]
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
@@ -231,6 +234,12 @@ def _reduce(image: Array, factor: int) -> Array:
     height, width = (n // factor for n in image.shape[:2])
     squares = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def _enlarge(picture: Array) -> Array:
+    """A picture (H, W, 3) whose pixels are squares of whole pixels, if it is too small for letters."""
+    factor = -(-_MIN_LETTERED_PX // picture.shape[1])
+    return picture.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
 def _sample_depth(depth: Array, factor: int) -> Array:

@@ -64,7 +64,11 @@ def test_depth_is_the_analytic_one_and_its_colours_rise_with_it(folder):
     np.testing.assert_array_equal(views.depth, depth.astype(np.float32))
     assert views.range_m == pytest.approx((np.nanmin(depth), np.nanmax(depth)))
     (picture,) = views.pictures("SIDE_BY_SIDE")
-    shown = picture[: depth.shape[0], -depth.shape[1] :].astype(int)
+    assert picture.shape[1] > 3 * 2 * 256  # each pixel is a square of 2 x 2, since letters need room
+    for row, column in ((0, 1), (1, 0), (1, 1)):
+        np.testing.assert_array_equal(picture[row : 2 * 144 : 2, column:512:2], picture[: 2 * 144 : 2, :512:2])
+    picture = picture[: 2 * 144 : 2, ::2]
+    shown = picture[:, -depth.shape[1] :].astype(int)
     assert (shown[:12] == SKY_GREY).all()
     column = shown[12:, 10]  # beside the rock, depth falls steadily from top to bottom
     assert (np.diff(column[:, 0] + column[:, 1]) <= 2).all()  # viridis: red and green rise with the value
@@ -72,13 +76,23 @@ def test_depth_is_the_analytic_one_and_its_colours_rise_with_it(folder):
     np.testing.assert_array_equal(picture[: depth.shape[0], : depth.shape[1], 0], views.left)
 
 
+@pytest.mark.parametrize("columns", [8, 64, 160, 320])
+def test_the_legend_of_a_small_image_can_be_read(monkeypatch, folder, columns):
+    views = read_pair_views(folder, {})
+    parts: dict[str, Any] = {name: getattr(views, name)[:, :columns].repeat(2, axis=1) for name in EYES_AND_DEPTH}
+    small = replace(views, **{name: part[:, :columns] for name, part in parts.items()})
+    ((title, fits),) = titles_of(monkeypatch, small, "SIDE_BY_SIDE")
+    assert title.startswith(("True depth", "Depth (m)"))
+    assert fits
+
+
 def test_the_overlay_mixes_image_and_colour_and_has_the_legend_below(folder):
     views = read_pair_views(folder, {})
     (picture,) = views.pictures("DEPTH")
     (side,) = views.pictures("SIDE_BY_SIDE")
-    height, width = views.left.shape
-    colour = side[:height, -width:].astype(float)
-    assert np.abs(picture[:height] - (0.6 * colour + 0.4 * views.left[..., None])).max() <= 0.51
+    height, width = 2 * 144, 2 * 256
+    colour, grey = side[:height, -width:].astype(float), views.left.repeat(2, axis=0).repeat(2, axis=1)
+    assert np.abs(picture[:height] - (0.6 * colour + 0.4 * grey[..., None])).max() <= 0.51
     assert len(picture) > height
     assert len(np.unique(picture[height:].reshape(-1, 3), axis=0)) > 100  # the colours of the bar
 
@@ -86,7 +100,7 @@ def test_the_overlay_mixes_image_and_colour_and_has_the_legend_below(folder):
 def test_a_pair_without_sky_has_no_sky_in_its_legend(tmp_path, folder):
     ground = read_pair_views(pairs.write_pair(tmp_path / "ground", pairs.Scene()), {})
     sky = replace(ground, depth=np.where(np.arange(144)[:, None] < 12, np.nan, ground.depth))
-    legends = [views.pictures("DEPTH")[0][144:] for views in (ground, sky)]
+    legends = [views.pictures("DEPTH")[0][2 * 144 :] for views in (ground, sky)]
     assert not (legends[0] == SKY_GREY).all(axis=-1).any(axis=0)[-60:].any()
     assert (legends[1] == SKY_GREY).all(axis=-1)[:, -60:].sum() > 50
 
