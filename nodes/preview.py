@@ -80,7 +80,7 @@ _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press
 _TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
 _UNDUG_MESSAGE = "Coarse ground without the trench: press Build Scene"
 COARSE_MESSAGE = "Coarse ground: press Build Scene for the fine one"
-_CHANGED_MESSAGE = "Preview: press Build Scene"
+_CHANGED_MESSAGE = "Preview of the change; a render builds it"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:

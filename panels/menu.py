@@ -45,19 +45,21 @@ class _KindMenu:
 
     def draw(self, context: bpy.types.Context) -> None:
         listed = dict(group_presets_by_kind()).get(self.kind, [])
-        lacking = _find_qualities_lacking(context.scene) if self.kind == _KIND_TITLES["qualities"] else set()
+        lacking = _find_lacks(context.scene) if self.kind == _KIND_TITLES["qualities"] else {}
         for name, title in listed:
             place = self.layout
             if name in lacking:
                 place = place.row()
                 place.enabled = False
             place.operator("icymoon.load_preset", text=title).preset = name
+        for lack in dict.fromkeys(lacking.values()):
+            self.layout.label(text=f"Grey: {lack.partition(';')[0]}", icon="INFO")
 
 
-def _find_qualities_lacking(scene: bpy.types.Scene) -> set[str]:
-    """The names of the qualities that this Blender cannot render."""
+def _find_lacks(scene: bpy.types.Scene) -> dict[str, str]:
+    """The sentences on the features that this Blender lacks, by the names of the qualities that need them."""
     shown = sidebar_text.list_quality_presets(scene_properties.read_for_display(scene.icymoon))
-    return {quality.name for quality in shown if quality.lacks}
+    return {quality.name: quality.lacks for quality in shown if quality.lacks}
 
 
 _MENU_TITLES = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _KIND_TITLES.items()}

@@ -59,13 +59,16 @@ def test_the_next_step_is_another_denoiser_and_render_is_grey(without):
 
 
 class _Menu:
-    """Stands in for the layout of a menu and its rows: the text of each button, and whether it is grey."""
+    """Stands in for the layout of a menu and its rows: the text of each button, whether it is grey, and labels."""
 
     def __init__(self, buttons: dict[str, _Menu]) -> None:
-        self.buttons, self.enabled = buttons, True
+        self.buttons, self.enabled, self.labels = buttons, True, list[str]()
 
     def row(self) -> _Menu:
         return _Menu(self.buttons)
+
+    def label(self, text: str, icon: str) -> None:
+        self.labels.append(text)
 
     def operator(self, name: str, text: str) -> SimpleNamespace:
         self.buttons[text] = self
@@ -75,12 +78,14 @@ class _Menu:
 def test_the_menu_of_qualities_offers_only_those_that_can_be_rendered(without):
     buttons: dict[str, _Menu] = {}
     menu = bpy.types.ICYMOON_MT_presets_qualities
-    menu.draw(SimpleNamespace(layout=_Menu(buttons), kind=menu.kind), SimpleNamespace(scene=without))
+    layout = _Menu(buttons)
+    menu.draw(SimpleNamespace(layout=layout, kind=menu.kind), SimpleNamespace(scene=without))
     grey = {text for text, place in buttons.items() if not place.enabled}
     shown = list_quality_presets(scene_properties.read_settings(without.icymoon))
     assert grey == {each.title for each in shown if each.lacks}
     assert "Draft" in grey
     assert len(grey) < len(buttons)
+    assert layout.labels == ["Grey: This Blender was built without OpenImageDenoise"]
 
 
 def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):
