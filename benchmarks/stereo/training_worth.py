@@ -35,6 +35,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.metrics import find_wrong_share
 from icymoon.stereo.training_data import PairsOfDataSet
 from icymoon.support.arrays import Array
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import write_text
 
 #: Steps between new grounds of a training on everything.
@@ -173,9 +174,17 @@ def print_table(rows: list[tuple[Training, dict[str, float]]]) -> None:
 
 
 def list_trainings(seeds: int, data: Sequence[Path]) -> list[Training]:
-    """The trainings on everything, and those on narrower sets or on the data sets."""
+    """The trainings on everything, and those on narrower sets or on the data sets.
+
+    Raises IcyMoonError for two data sets of one name, since each row of the table and each folder bears a name.
+    """
+    names = [folder.resolve().name for folder in data]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise IcyMoonError(f"--data has two folders named {twice!r}; rename one.")
     whole = [Training(EVERYTHING, seed=k) for k in range(seeds)]
-    rendered = [Training(folder.resolve().name, seed=k, data=folder) for folder in data for k in range(seeds)]
+    rendered = [
+        Training(name, seed=k, data=folder) for name, folder in zip(names, data, strict=True) for k in range(seeds)
+    ]
     return [*whole, *(rendered or NARROWED)]
 
 
