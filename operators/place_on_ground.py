@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import bpy
@@ -16,8 +17,15 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
+from ..support.steps import Steps
+from .build_in_pieces import build_in_pieces
+from .change_and_build import ChangeAndBuildOperator
+from .job_operators import WatchingOperator
 from .operator_type import ExplainedOperator
+from .render import find_whether_edited, require_scene
+from .settled_steps import settle
 from .sidebar_text import format_for_window
+from .window_areas import list_areas
 
 TARGETS = (
     ("CAMERA", "Camera", "Put the left camera above the place"),
@@ -28,6 +36,7 @@ TARGETS = (
 _HINT = "Click on the ground to place the {}; Esc or right click to cancel"
 #: Events that end the operator without a place. Blender handles the events that turn and move the view.
 _CANCELS = ("ESC", "RIGHTMOUSE")
+_NOT_DUG = "; press Build Scene to dig it"
 _DIGITS = 3  # digits of a place in metres: a millimetre
 #: Cells in metres of a workspace that had none: those of the shipped workspaces, a quarter of the scoop's width.
 _FIRST_CELL_M = 0.02
@@ -95,6 +104,17 @@ def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
     return start + distance * toward if role else None
 
 
+def _show_hint(context: bpy.types.Context, hint: str | None) -> None:
+    """Show a hint in the status bar and in the headers of the 3D Views; None shows what they show otherwise."""
+    context.workspace.status_text_set(hint)
+    for _, area in list_areas("VIEW_3D"):
+        area.header_text_set(hint)
+
+
+def _describe_place(x_m: float, y_m: float) -> str:
+    return f"Placed {x_m:.3f} m east and {y_m:.3f} m north of the origin"
+
+
 class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
     """Click on the ground to place something there. The view can be turned and moved before"""
 
@@ -122,7 +142,7 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
             return self._fail(error)
         context.window.cursor_modal_set("CROSSHAIR")
         label = next(label for name, label, _ in TARGETS if name == self.target)
-        context.workspace.status_text_set(_HINT.format(label.lower()))
+        _show_hint(context, _HINT.format(label.lower()))
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -137,6 +157,9 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
             self.report({"WARNING"}, "There is no ground under the mouse; click on the ground, or press Esc")
             return {"RUNNING_MODAL"}
         self._end(context)
+        if self.target == "TRENCH" and context.scene.icymoon.live:
+            bpy.ops.icymoon.dig_trench("INVOKE_DEFAULT", x_m=place.x, y_m=place.y)
+            return {"CANCELLED"}  # the undo step is the other operator's
         self.x_m, self.y_m = place.x, place.y
         return self.execute(context)
 
@@ -146,7 +169,7 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
 
     def _end(self, context: bpy.types.Context) -> None:
         context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
+        _show_hint(context, None)
 
     def _fail(self, error: IcyMoonError) -> set[str]:
         self.report({"ERROR"}, format_for_window(error))
@@ -159,13 +182,48 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
             scene_properties.write_settings(group, placed)
         except IcyMoonError as error:
             return self._fail(error)
-        said = f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"
+        said = _describe_place(self.x_m, self.y_m)
         if "cell_m" in placed.get("workspace", {}):
             said += f"; cells are {_FIRST_CELL_M:g} m wide"
         if self.target == "TRENCH":
-            said += "; press Build Scene to dig it"
+            said += _NOT_DUG
         self.report({"INFO"}, show_controls(said))
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_place_on_ground,)
+class ICYMOON_OT_dig_trench(ChangeAndBuildOperator, bpy.types.Operator):
+    """Let the scoop start at a place, and build the scene with its trench, which the live preview does not dig"""
+
+    bl_idname = "icymoon.dig_trench"
+    bl_label = "Place Trench"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    x_m: bpy.props.FloatProperty(name="East", description="Metres east of the origin", subtype="DISTANCE")
+    y_m: bpy.props.FloatProperty(name="North", description="Metres north of the origin", subtype="DISTANCE")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        """Build in pieces, or at once without a window."""
+        try:
+            settings = scene_properties.read_settings(context.scene.icymoon)
+            self.change_settings(context.scene, make_placed("TRENCH", settings, self.x_m, self.y_m))
+        except IcyMoonError as error:
+            return self.fail(error)
+        if bpy.app.background:
+            return self.build_at_once(context)
+        return WatchingOperator.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self.invoke(context, None)
+
+    def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
+        """The build, in steps. A scene that was edited by hand is not built again, which would revert the edits."""
+        if (yield from settle(partial(find_whether_edited, self._scene_uid))):
+            return [("WARNING", f"{_describe_place(self.x_m, self.y_m)}; the scene was edited by hand{_NOT_DUG}")]
+        settings = scene_properties.read_settings(require_scene(self._scene_uid).icymoon)
+        return [
+            *(yield from build_in_pieces(self._scene_uid, settings)),
+            ("INFO", f"{_describe_place(self.x_m, self.y_m)}, and dug the trench"),
+        ]
+
+
+CLASSES = (ICYMOON_OT_place_on_ground, ICYMOON_OT_dig_trench)

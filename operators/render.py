@@ -78,7 +78,7 @@ def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Buil
     The window must not wait for that process. It shows coarse ground, unless it shows the settings already, and the
     fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
-    edited = yield from settle(partial(_find_whether_edited, scene_uid))
+    edited = yield from settle(partial(find_whether_edited, scene_uid))
     scene = require_scene(scene_uid)
     if find_reasons_without_file(settings) or edited:
         return bring_up_to_date(scene, settings)
@@ -91,7 +91,7 @@ def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Buil
     return None
 
 
-def _find_whether_edited(scene_uid: int) -> Steps[bool]:
+def find_whether_edited(scene_uid: int) -> Steps[bool]:
     """Whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be detected."""
     built = _find_traceable(require_scene(scene_uid))
     return built is not None and (yield from built.find_whether_edited())

@@ -6,9 +6,11 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import place_on_ground
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.steps import finish
 from mathutils import Vector
 from stand_ins import stand_in
 
@@ -124,8 +126,53 @@ def test_what_is_placed(scene):
 def test_the_view_can_be_turned_until_a_click_or_esc(monkeypatch, kind, value, under, result):
     monkeypatch.setattr(place_on_ground, "find_ground", lambda *_: under)
     ended = []
-    waiting = stand_in(x_m=0.0, y_m=0.0, report=lambda *_: None, _end=ended.append, execute=lambda _: {"FINISHED"})
+    waiting = stand_in(
+        target="CAMERA", x_m=0.0, y_m=0.0, report=lambda *_: None, _end=ended.append, execute=lambda _: {"FINISHED"}
+    )
     event = SimpleNamespace(type=kind, value=value, mouse_x=5, mouse_y=6)
     assert place_on_ground.ICYMOON_OT_place_on_ground.modal(waiting, bpy.context, event) == result
     assert len(ended) == (result in ({"FINISHED"}, {"CANCELLED"}))
     assert (waiting.x_m, waiting.y_m) == ((3.0, 4.0) if result == {"FINISHED"} else (0.0, 0.0))
+
+
+def click(monkeypatch, place: Vector) -> set[str]:
+    """What a click on a place of the ground returns while the user is asked for the start of the trench."""
+    monkeypatch.setattr(place_on_ground, "find_ground", lambda *_: place)
+    waiting = stand_in(target="TRENCH", _end=lambda _: None, execute=lambda _: {"FINISHED"})
+    event = SimpleNamespace(type="LEFTMOUSE", value="PRESS", mouse_x=5, mouse_y=6)
+    return place_on_ground.ICYMOON_OT_place_on_ground.modal(waiting, bpy.context, event)
+
+
+def measure_lowest_m(x_m: float, y_m: float) -> float:
+    """The lowest height, m, of the built ground within 0.6 m of a place."""
+    mesh = scenes.find_built(bpy.context.scene).terrain.data
+    near = [v.co.z for v in mesh.vertices if (v.co.x - x_m) ** 2 + (v.co.y - y_m) ** 2 < 0.6**2]
+    return min(near)
+
+
+def test_a_click_digs_the_trench(small, monkeypatch):
+    small.icymoon.terrain.rms_slope_deg = 0.0
+    bpy.ops.icymoon.build_scene()
+    assert measure_lowest_m(0.0, 2.0) == pytest.approx(0.0, abs=1e-3)
+    assert click(monkeypatch, Vector((0.0, 2.0, 0.0))) == {"CANCELLED"}
+    assert small.icymoon.excavation.path == "LINE"
+    assert measure_lowest_m(0.0, 2.0) < -0.02
+
+
+def test_without_live_preview_a_click_only_sets_the_start(small, monkeypatch):
+    bpy.ops.icymoon.build_scene()
+    small.icymoon.live = False
+    assert click(monkeypatch, Vector((0.0, 2.0, 0.0))) == {"FINISHED"}
+
+
+def test_a_click_for_a_trench_reverts_no_edit_by_hand(small):
+    bpy.ops.icymoon.build_scene()
+    terrain = scenes.find_built(small).terrain
+    terrain.data.vertices[0].co.z += 1.0
+    terrain.data.update()
+    height_m = terrain.data.vertices[0].co.z
+    digging = stand_in(x_m=0.0, y_m=2.0, _scene_uid=small.session_uid)
+    (told,) = finish(place_on_ground.ICYMOON_OT_dig_trench.make_steps(digging, bpy.context))
+    assert told[0] == "WARNING"
+    assert "edited by hand; press Build Scene to dig it" in told[1]
+    assert terrain.data.vertices[0].co.z == height_m

@@ -63,6 +63,7 @@ SOUGHT = {
 MAX_ROWS = 36
 #: Commands that need what is selected in a list or under the mouse, and those of the page of preferences.
 IN_PANELS_ONLY = {
+    "icymoon.dig_trench",  # a click on the ground starts it
     "icymoon.lamp_add",
     "icymoon.lamp_remove",
     "icymoon.lamp_move",

@@ -311,8 +311,8 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
     texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")}
     # presets.py puts those of quality back, varied_settings.py shows values, and render_variations.py counts pairs; all
     # check what they start.
-    # view_exposure.py sets how bright the view is, no more. build.py and build_in_pieces.py only compare them,
-    # change_and_build.py puts those back that it has changed, and appended_scenes.py keeps the data set of this file.
+    # view_exposure.py sets how bright the view is, no more. view_resolution.py, build.py and build_in_pieces.py only
+    # compare them, change_and_build.py puts those back that it has changed, and appended_scenes.py keeps the data set of this file.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
         "appended_scenes.py",
         "build.py",
@@ -323,6 +323,7 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
         "render_variations.py",
         "varied_settings.py",
         "view_exposure.py",
+        "view_resolution.py",
     }
     # results.py only compares them with those that were measured, render_variations.py only draws their field, and
     # sidebar_text.py only tells where that field is.

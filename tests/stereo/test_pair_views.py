@@ -65,8 +65,8 @@ def test_depth_is_the_analytic_one_and_its_colours_rise_with_it(folder):
     assert views.range_m == pytest.approx((np.nanmin(depth), np.nanmax(depth)))
     (picture,) = views.pictures("SIDE_BY_SIDE")
     assert picture.shape[1] > 3 * 2 * 256  # each pixel is a square of 2 x 2, since letters need room
-    for row, column in ((0, 1), (1, 0), (1, 1)):
-        np.testing.assert_array_equal(picture[row : 2 * 144 : 2, column:512:2], picture[: 2 * 144 : 2, :512:2])
+    for down, right in ((0, 1), (1, 0), (1, 1)):
+        np.testing.assert_array_equal(picture[down : 2 * 144 : 2, right:512:2], picture[: 2 * 144 : 2, :512:2])
     picture = picture[: 2 * 144 : 2, ::2]
     shown = picture[:, -depth.shape[1] :].astype(int)
     assert (shown[:12] == SKY_GREY).all()
