@@ -312,7 +312,8 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
     # presets.py puts those of quality back, varied_settings.py shows values, and render_variations.py counts pairs; all
     # check what they start.
     # view_exposure.py sets how bright the view is, no more. view_resolution.py, build.py and build_in_pieces.py only
-    # compare them, change_and_build.py puts those back that it has changed, and appended_scenes.py keeps the data set of this file.
+    # compare them, change_and_build.py puts those back that it has changed, and appended_scenes.py keeps the data set
+    # of this file.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
         "appended_scenes.py",
         "build.py",
