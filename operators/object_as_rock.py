@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..physics.rocks.own_rock import OWN, read_proportions
+from ..physics.rocks.own_rock import OWN, make_own_shape, read_proportions
 from ..settings.table import TOPICS
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -24,6 +25,12 @@ def encode_rock(positions: Array, triangles: Array) -> bytes:
     lines = [*(f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in positions.tolist())]
     lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(triangles) + 1).tolist()]
     return "\n".join([*lines, ""]).encode()
+
+
+def _encode_checked(name: str, positions: Array, triangles: Array) -> bytes:
+    """As ``encode_rock``, for the object with this name. Raises IcyMoonError if it cannot be a rock."""
+    make_own_shape(positions, triangles, name)
+    return encode_rock(positions, triangles)
 
 
 class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
@@ -46,7 +53,8 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
 
     def _make_settings(self, context: bpy.types.Context) -> dict[str, Any]:
         scene, height = context.scene, TOPICS["rocks"]["height_ratio"]
-        path = self.keep_mesh(context, "rocks.shape_file", ".obj", encode_rock, "")
+        encode = partial(_encode_checked, context.active_object.name)
+        path = self.keep_mesh(context, "rocks.shape_file", ".obj", encode, "")
         return {
             "family": OWN,
             "shape_file": shorten_path(path, scene.icymoon.dataset.folder),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.operators import live_preview, object_as_rock
+from icymoon.operators.render import find_dataset_folder
 from icymoon.operators.session import session
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
@@ -41,8 +42,9 @@ def test_rocks_have_the_shape_of_the_object(small):
 def test_an_open_mesh_is_refused_and_nothing_changes(small):
     add_cone(open_=True)
     before = small.icymoon.rocks.family, small.icymoon.rocks.coverage
-    with pytest.raises(RuntimeError, match="must be closed"):
+    with pytest.raises(RuntimeError, match=f"Error: {bpy.context.object.name}: .* must be closed"):
         bpy.ops.icymoon.object_as_rock()
+    assert not list(find_dataset_folder(scene_properties.read_settings(small.icymoon)).rglob("*.obj"))
     assert (small.icymoon.rocks.family, small.icymoon.rocks.coverage) == before
     assert scenes.find_built(small) is None
 
