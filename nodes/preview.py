@@ -79,7 +79,7 @@ _LIGHT_PARTS: tuple[str, ...] = ("sun object", "planetshine object")
 _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 _TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
 _UNDUG_MESSAGE = "Coarse ground without the trench: press Build Scene"
-COARSE_MESSAGE = "Coarse ground: press Build Scene for the fine one"
+COARSE_MESSAGE = "Coarse ground: Build Scene or a render makes the fine one"
 _CHANGED_MESSAGE = "Preview of the change; a render builds it"
 
 

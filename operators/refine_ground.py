@@ -8,6 +8,7 @@ the scene, and redo stays possible. If undo or redo shows the coarse ground agai
 from __future__ import annotations
 
 import tempfile
+import time
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -32,12 +33,14 @@ from .build import find_views_through, look_through
 from .full_undo import require_full_undo
 from .session import SIDES, session
 from .settled_steps import settle
-from .window_areas import find_scene, pause_rendered_views, redraw_panels
+from .window_areas import find_scene, pause_rendered_views, redraw_panels, redraw_sidebars
 from .window_events import call_later, make_registration
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
+#: Seconds from which on the text states how long the ground has been computed.
+_LONG_S = 5
 #: Prefixes of the names of operators that hold the data they change, or that a wait would interrupt.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
@@ -51,7 +54,15 @@ def describe_refining(scene: bpy.types.Scene) -> str:
     """Text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
     if not bpy.app.timers.is_registered(_refine_next):
         return ""
-    return NOTE if preview.find_preview_of(scene, scene_properties.read_for_display(scene.icymoon)) else ""
+    if not preview.find_preview_of(scene, scene_properties.read_for_display(scene.icymoon)):
+        return ""
+    seconds = _measure_seconds()
+    return f"{NOTE}, {seconds} s so far" if seconds >= _LONG_S else NOTE
+
+
+def _measure_seconds() -> int:
+    """Whole seconds since the fine ground was begun; 0 while none is made."""
+    return int(time.monotonic() - session.meshing.started) if session.meshing is not None else 0
 
 
 def _find_next() -> tuple[scenes.Built, Settings] | None:
@@ -105,9 +116,18 @@ def _refine_next() -> float | None:
             session.meshing, session.meshed_settings = start_building(settings), settings
         elif not job.poll() and not _is_busy():
             return _take_over(built, of, job)
+        else:
+            _show_seconds()
     except IcyMoonError as error:
         _give_up(built, error)
     return jobs.INTERVAL_S
+
+
+def _show_seconds() -> None:
+    """Redraw the sidebar once a second, so that a long wait is seen to go on."""
+    if _measure_seconds() != session.shown_seconds:
+        session.shown_seconds = _measure_seconds()
+        redraw_sidebars()
 
 
 def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:

@@ -64,6 +64,7 @@ class Session:
     to_recolour: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose errors will be coloured
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
+    shown_seconds: int = 0  # for which the sidebar says that ground has been built
     marking: WorkInPieces | None = None  # reads the marks of the scene's meshes
     placing: WorkInPieces | None = None  # shows the scene with that ground
     changes: int = 0  # number of changes of the file that Blender has announced

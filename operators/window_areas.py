@@ -40,6 +40,11 @@ def redraw_panels() -> None:
     """Redraw sidebars, status bar and preferences, which show the job. Views are left alone: they may take seconds."""
     for window in bpy.context.window_manager.windows:
         window.workspace.status_text_set(None)  # redraws the status bar
+    redraw_sidebars()
+
+
+def redraw_sidebars() -> None:
+    """Redraw sidebars and preferences."""
     for kind, shown in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
         for _, area in list_areas(kind):
             for region in area.regions:

@@ -295,6 +295,18 @@ def test_a_mesh_that_is_removed_while_its_marks_are_read_leaves_the_coarse_groun
     assert "were removed while it was built" in " ".join(preview.read_notes(built_elsewhere))
 
 
+def test_a_long_wait_for_the_fine_ground_is_counted(built_elsewhere, monkeypatch):
+    redrawn = []
+    monkeypatch.setattr(refine_ground, "redraw_sidebars", lambda: redrawn.append(1))
+    refine_ground.start_refining()
+    assert refine_ground.describe_refining(built_elsewhere) == refine_ground.NOTE
+    session.meshing.started -= 38.2
+    assert refine_ground.describe_refining(built_elsewhere) == f"{refine_ground.NOTE}, 38 s so far"
+    for _ in range(3):
+        refine_ground._show_seconds()
+    assert len(redrawn) == 1
+
+
 def read_fine() -> None:
     """Run pieces until objects of the fine scene are there, which a thread prepares."""
     before = everything()
