@@ -52,15 +52,6 @@ VIEWS = (
         "The true depth in colours over the left image. They end at the nearest and farthest 1 % of the pixels",
     ),
 )
-#: What each view shows, for the header of the Image Editor.
-_SHOWN = {
-    "SIDE_BY_SIDE": "left, right and true depth",
-    "LEFT": "left camera",
-    "RIGHT": "right camera",
-    "FLICKER": "left and right in turn",
-    "ANAGLYPH": "left in red, right in cyan",
-    "DEPTH": "true depth over the left image",
-}
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
@@ -321,13 +312,13 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
 
 
 def describe_picture(scene: bpy.types.Scene) -> str:
-    """Which pair of a scene the picture shows, what of it and how, then its lines; empty without one."""
+    """Which pair of a scene the picture shows, and its lines; empty without one. A pressed button names the view."""
     now = find_shown_pair(scene)
     if now is None:
         return ""
     pairs = find_pairs_to_show(scene)
     which = f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}" if len(pairs) > 1 else f"Pair {now.views.id}"
-    return "; ".join([f"{which}: {_SHOWN[now.view]}", AS_RECORDED, *now.views.lines])
+    return "; ".join([which, *now.views.lines, AS_RECORDED])
 
 
 def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
