@@ -263,7 +263,7 @@ class JobOperator(WatchingOperator):
     def fail(self, error: Exception) -> set[str]:
         """Report an error; the sidebar names the job that failed."""
         if self._job is not None:
-            session.ended = f"{self._job.title}: failed"
+            session.note_end(self._job, "failed")
             redraw_panels()
         return super().fail(error)
 
@@ -272,7 +272,7 @@ class JobOperator(WatchingOperator):
         context.window_manager.progress_end()
         if session.job is self._job:
             session.job = None
-        session.ended = f"{self._job.title}: {self._job.outcome}"
+        session.note_end(self._job)
         redraw_panels()
         for warning in self._job.warnings:
             self.report({"WARNING"}, format_for_window(warning))

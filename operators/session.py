@@ -48,7 +48,8 @@ class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
 
     job: Job | None = None  # the job that the sidebar shows
-    ended: str = ""  # how the last such job ended
+    ended: str = ""  # how the last such job or build ended
+    remains: str = ""  # what it left, if it was stopped
     reading: Job | None = None  # reads the pair that is shown next
     shown: ShownPair | None = None
     developing: Job | None = None  # develops the camera images that Image Editors show
@@ -107,6 +108,11 @@ class Session:
         vars(self).update(vars(Session()))
         if running:
             redraw_panels()
+
+    def note_end(self, job: Job, outcome: str = "") -> None:
+        """Note for the sidebar how a job or a build has ended, by default as the job states it."""
+        self.ended = f"{job.title}: {outcome or job.outcome}"
+        self.remains = "" if outcome else job.remains
 
     def stop_building(self) -> None:
         """Stop the build that runs piece by piece, before anything that would be wrong beside it."""

@@ -96,7 +96,10 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if job is None:
         title, _, outcome = (session.ended or "No job is running").rpartition(": ")
         column.label(text=_choose_text(session.ended, outcome.capitalize()) if title else outcome)
-        _draw_next_step(column, next_step.find_next_step(scene))
+        if session.remains:
+            column.label(text=session.remains)
+        else:
+            _draw_next_step(column, next_step.find_next_step(scene))
         return
     text, below = job.shown
     row = column.split(factor=_BAR_SHARE, align=True)

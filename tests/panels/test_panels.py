@@ -412,6 +412,42 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     assert "0 %" not in texts(drawn(sidebar.ICYMOON_PT_main))  # unknown until the job reports its progress
 
 
+@pytest.mark.parametrize(
+    ("fraction", "past_s", "said"),
+    [
+        (0.0, 0.0, "About 4 min left, by estimate"),
+        (0.01, 60.0, "About 3 min left, by estimate"),
+        (0.04, 200.0, "About 40 s left, by estimate"),
+        (0.04, 241.0, "Estimate 4 min; may take 12 min"),
+        (0.02, 721.0, "Longer than the estimate of 4 min"),
+        (0.5, 60.0, "1:00 left"),  # measured
+    ],
+)
+def test_an_estimate_is_told_until_the_progress_shows_the_time(scene, running, fraction, past_s, said):
+    """For minutes the panel said only that the first pair was starting."""
+    running.expected, running.started, running.fraction = jobs.Expectation(240.0, 3.0), 130.0 - past_s, fraction
+    assert running.shown[1] == said
+    assert len(said) <= LINE
+    assert running.brief.endswith(said)
+    running.process.cancelled = True
+    assert "estimate" not in running.shown[1].lower()
+
+
+def test_what_a_stopped_job_left_is_told_where_its_progress_was(scene, running, monkeypatch):
+    running.process.cancelled, running.process.left = True, False
+    running.if_stopped = "finished pairs are kept"
+    session.job = None
+    session.note_end(running)
+    record = drawn(sidebar.ICYMOON_PT_main)
+    labels = [entry[2].get("text") for entry in record if entry[0] == "label"]
+    place = labels.index("Render Stereo Pair: stopped")
+    assert labels[place + 1] == "Finished pairs are kept"
+    running.process.left = True  # it goes on in the background
+    session.note_end(running)
+    assert "Finished pairs" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    session.ended = session.remains = ""
+
+
 def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
     def count_lines() -> int:
         layout = Layout()
@@ -419,9 +455,14 @@ def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
         return sum(entry[0] in ("label", "progress") for entry in layout.record)
 
     during = count_lines()
-    for session.job, session.ended in ((None, ""), (None, "Render Stereo Pair: done")):
+    session.job = None
+    for session.ended, session.remains in (
+        ("", ""),
+        ("Render Stereo Pair: done", ""),
+        ("Render Stereo Pair: stopped", "Finished pairs are kept"),
+    ):
         assert count_lines() == during
-    session.ended = ""
+    session.ended = session.remains = ""
 
 
 def test_a_build_is_shown_while_it_runs_in_the_same_room(scene, monkeypatch):
