@@ -17,6 +17,8 @@ from .fields import draw_lines, draw_sentence, draw_start
 
 #: Share of a line for the name of a metric.
 _NAME_SHARE = 0.62
+#: What counts as wrong; it is drawn above the table.
+WRONG = "Wrong: off by over 1 px, or missing"
 
 
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -39,7 +41,7 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
 
 def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
-    draw_sentence(layout, "Wrong: off by over 1 px, or missing. Metrics below Covered are of covered pixels.")
+    draw_sentence(layout, "Metrics below Covered are of covered pixels.")
     draw_sentence(
         layout,
         "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "

@@ -32,7 +32,7 @@ from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
-from .error_table import draw_errors, explain_errors
+from .error_table import WRONG, draw_errors, explain_errors
 from .exports import draw_export
 from .fields import RowsOfText, draw_fields, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
 from .find_setting import draw_found, draw_search
@@ -179,7 +179,9 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         rows = results.read_summary(context.scene)
-        draw_lines(layout, (results.describe_verdict(rows),), "VIEWZOOM")
+        verdict = results.describe_verdict(rows, results.read_noise_doubt(context.scene))
+        draw_lines(layout, (verdict,), "VIEWZOOM")
+        draw_lines(layout, (WRONG,))
         origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:

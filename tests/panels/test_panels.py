@@ -12,7 +12,7 @@ import bpy
 import pytest
 from evaluations import ROW, evaluated
 from icymoon.commands.doctor import PLUGINS, Finding
-from icymoon.operators import evaluate, evaluator_python, jobs, preferences, sidebar_text
+from icymoon.operators import evaluate, evaluator_python, jobs, preferences, results, sidebar_text
 from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
@@ -780,10 +780,27 @@ def first_label(scene, tmp_path, *rows):
     return labels_of_results(scene, tmp_path, *rows)[0][0]
 
 
+@pytest.mark.parametrize(
+    ("doubt", "said"),
+    [(0.018, "Too close to call: SGBM 44.2 %, StereoBM 45.9 % wrong"), (0.016, "Fewest wrong: SGBM, 44.2 %")],
+)
+def test_a_difference_that_noise_may_make_is_too_close_to_call(doubt, said):
+    """The panel named a winner above the warning that noise decides."""
+    rows = [ranked("sgbm", 0.442), ranked("bm", 0.459)]
+    assert results.describe_verdict(rows, doubt) == said
+
+
+def test_the_panel_says_above_the_table_what_is_wrong(scene, tmp_path):
+    labels = [label for label, _ in labels_of_results(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1))]
+    assert labels.index("Wrong: off by over 1 px, or missing") < labels.index("Wrong")
+
+
 def test_the_verdict_is_the_first_line_of_the_results(scene, tmp_path):
     assert first_label(scene, tmp_path, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"
     undecided = ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2)
-    assert first_label(scene, tmp_path, *undecided) == "Fewest wrong: SGBM, 10.0 %"
+    assert first_label(scene, tmp_path, *undecided) == "Too close to call: SGBM"
+    assert first_label(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1)) == "Fewest wrong: SGBM, 10.0 %"
+    assert first_label(scene, tmp_path, ranked("bm", 0.1), ranked("sgbm", 0.1)).startswith("Too close to call")
     decided = ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2), ranked("jplv", 0.2, 1, 2)
     assert first_label(scene, tmp_path, *decided) == "Best: SGBM, 10.0 % wrong"
     nothing = {**ranked("igev", 1.0), "n": 0}
