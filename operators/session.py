@@ -35,12 +35,13 @@ class ShownPair:
 @dataclass(frozen=True)
 class Exported:
     """The last export of a scene's source: its folder, empty if it failed, and sentences on what was left out or went
-    wrong; which folders it was of, and with which settings."""
+    wrong; which folders it was of, with which settings, and the title of its format."""
 
     folder: str
     sentences: tuple[str, ...]
     paths: tuple[Path, ...]
     settings: Settings
+    title: str = ""
 
 
 @dataclass
