@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes import measured_surface, painted_errors, preview
+from ..nodes import preview
 from ..operators import (
     dataset,
     evaluate,
@@ -136,7 +136,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
             context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0
         )
         row = layout.row(align=True)
-        row.menu("ICYMOON_MT_presets", text=presets.make_button_title(context.scene), icon="PRESET")
+        icon = "GREASEPENCIL" if presets.is_changed(context.scene) else "PRESET"  # words would cut the title
+        row.menu("ICYMOON_MT_presets", text=presets.find_title(context.scene.icymoon.preset), icon=icon)
         row.operator("icymoon.add_preset", text="", icon="ADD")
         row.operator("icymoon.remove_preset", text="", icon="REMOVE")
         column = layout.column(align=True)
@@ -197,12 +198,6 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
-        meanings = (*painted_errors.make_legend(context.scene), *measured_surface.make_legend(context.scene))
-        if meanings:
-            layout.prop(context.scene.icymoon, "error_range_m", slider=True)
-            column = layout.column(align=True)
-            for meaning, icon in meanings:
-                draw_sentence(column, meaning, icon)
         # The explanations are below the buttons, so that the buttons are in sight of the table.
         explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):

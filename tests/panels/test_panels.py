@@ -16,7 +16,7 @@ from icymoon.operators import evaluate, evaluator_python, jobs, preferences, res
 from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
-from icymoon.panels import CLASSES, fields, menu, sidebar
+from icymoon.panels import CLASSES, error_table, fields, menu, sidebar
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load, preset_names
 from icymoon.settings.table import TOPICS, list_all_settings
@@ -788,6 +788,22 @@ def test_a_difference_that_noise_may_make_is_too_close_to_call(doubt, said):
     """The panel named a winner above the warning that noise decides."""
     rows = [ranked("sgbm", 0.442), ranked("bm", 0.459)]
     assert results.describe_verdict(rows, doubt) == said
+
+
+@pytest.mark.parametrize("shown", ["SGBM", "StereoBM", "another"])
+def test_the_colours_are_explained_below_the_button_that_paints_them(scene, tmp_path, monkeypatch, shown):
+    """The legend was below all matchers, out of sight of the button."""
+    monkeypatch.setattr(error_table.painted_errors, "make_legend", lambda scene: (("Too far, red: 1 %", "NONE"),))
+    monkeypatch.setattr(error_table.painted_errors, "find_title", lambda scene: shown)
+    evaluated(scene, tmp_path, ranked("sgbm", 0.1), ranked("bm", 0.3))
+    record = drawn(sidebar.ICYMOON_PT_results)
+    painting = [k for k, entry in enumerate(record) if entry[:2] == ("operator", "icymoon.paint_errors")]
+    (legend,) = (k for k, entry in enumerate(record) if "Too far, red" in str(entry))
+    (slider,) = (k for k, entry in enumerate(record) if entry[:2] == ("prop", "icymoon.error_range_m"))
+    assert painting[0] < painting[1]
+    assert slider < legend
+    assert (legend < painting[1]) == (shown == "SGBM")
+    assert legend > painting[0]
 
 
 def test_the_panel_says_above_the_table_what_is_wrong(scene, tmp_path):
