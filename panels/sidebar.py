@@ -70,8 +70,8 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-#: A text about as long as the longest status of a built scene.
-_STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
+#: A text about as long as the status of a built scene while a setting is dragged, but for its rarest combination.
+_STATUS_ROOM = max(refine_ground.NOTE, shadow_warning.BRIEF, key=len)
 #: Texts of a button, in a sidebar as Blender opens it and in a narrow one.
 _SEVERAL_SUNS = "Decide Where to Dig on Several Suns", "Decide on Several Suns"
 #: Share of the line of the progress that the bar takes, beside the button that stops the job.
@@ -133,7 +133,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(
-            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0
+            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=6.7
         )
         row = layout.row(align=True)
         icon = "GREASEPENCIL" if presets.is_changed(context.scene) else "PRESET"  # words would cut the title
