@@ -31,6 +31,7 @@ NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
 _COLOUR_ATTRIBUTE, _ERROR_ATTRIBUTE = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
 _COUNTS_PROPERTY = "icymoon_points"  # custom property, see ``_count_kinds``
+_TITLE_PROPERTY = "icymoon_matcher"  # custom property: the matcher in words
 #: Maximum depth error in metres that counts as right, and the text and icon of each kind of pixel.
 RIGHT_M = ERROR_SCALE.low
 KINDS = {
@@ -84,6 +85,7 @@ def build_points(
     mesh.materials.append(build_material(_COLOUR_ATTRIBUTE))
     fill_colours(mesh.attributes[_COLOUR_ATTRIBUTE], _colour_corners(error.astype(np.float32), full_m))
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
+    item[_TITLE_PROPERTY] = title
     item[_COUNTS_PROPERTY] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
     link_shown(scene, item, NAME, ROLE)
     return item
@@ -98,6 +100,12 @@ def _count_kinds(error_m: Array, missing: list[int | None]) -> dict[str, int]:
         "unknown": int(np.isnan(error_m).sum()),
     }
     return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
+
+
+def find_title(scene: bpy.types.Scene) -> str:
+    """The matcher whose surface is shown, in words; empty without a surface, or for one of an older version."""
+    item = find_points(scene)
+    return str(item.get(_TITLE_PROPERTY, "")) if item is not None else ""
 
 
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:

@@ -344,6 +344,13 @@ def clear_painted(scene: bpy.types.Scene) -> bool:
     return remove_shown(scene, ROLE)
 
 
+def find_title(scene: bpy.types.Scene) -> str:
+    """The matcher whose errors are painted, in words; empty without painted errors."""
+    collection = find_painted(scene)
+    stored: Any = collection.get(_COUNTS_PROPERTY) if collection else None
+    return str(stored.get("title", "")) if hasattr(stored, "items") else ""
+
+
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours, with the share of the pixels of each: (text, icon) of each line."""
     collection = find_painted(scene)

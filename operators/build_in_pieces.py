@@ -28,9 +28,12 @@ from .build import build_and_show, leave_edit_mode, report_sentences
 from .job_operators import KeyStoppedOperator
 from .jobs import INTERVAL_S, Job
 from .session import session
-from .window_areas import find_scene, redo
+from .window_areas import find_scene, redo, redraw_panels
 from .window_events import call_later, make_registration
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
+
+#: What a build reports that finds the scene as it would be built.
+UNCHANGED = "INFO", "The scene is built already, and nothing has changed since"
 
 
 def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str, str]]]:
@@ -117,14 +120,19 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
             self.take_back(scene)
 
     def report_end(self, context: bpy.types.Context) -> None:
-        """Forget the job."""
+        """Forget the job, and note for the sidebar how it ended."""
         if session.building is self._job:
             session.building = None
+        session.note_end(self._job)
+        redraw_panels()
 
     def report_success(self, context: bpy.types.Context) -> None:
         """Report what was built, and let the ground at full resolution follow."""
-        report_sentences(self, self._job.result["value"])
-        if (scene := find_scene(self._scene_uid)) is not None:
+        sentences = self._job.result["value"]
+        report_sentences(self, sentences)
+        if sentences == [UNCHANGED]:
+            session.note_end(self._job, "nothing has changed")
+        elif (scene := find_scene(self._scene_uid)) is not None:
             keep_marks.schedule_reading(scene)
         refine_ground.start_refining()
 

@@ -6,19 +6,26 @@ full resolution follows (``refine_ground``).
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 
 from ..nodes import build_scene as scenes
+from ..nodes import preview
 from ..nodes.ground.user_ground import warn_of_cost
 from ..settings.blender import scene_properties
+from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
-from .build_in_pieces import PiecewiseBuildOperator
+from .build_in_pieces import UNCHANGED, PiecewiseBuildOperator, build_in_pieces
 from .coloured_views import hide_colours
 from .operator_type import ExplainedOperator
 from .painted_masks import leave_sheet
+from .render import require_scene
 from .session import session
+from .settled_steps import settle
 from .user_render import restore_render
 
 
@@ -54,6 +61,13 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
         refine_ground.start_refining()
         return result
 
+    def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
+        """The build in steps, unless the scene is as the build would make it."""
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        if (yield from settle(partial(_find_whether_up_to_date, self._scene_uid, settings))):
+            return [UNCHANGED]
+        return (yield from build_in_pieces(self._scene_uid, settings))
+
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Rotate the Sun back."""
         if self._azimuth_deg is not None:
@@ -65,6 +79,18 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
             self._asked = False
             return super().invoke(context, None)
         return build_and_report(self, context)
+
+
+def _find_whether_up_to_date(scene_uid: int, settings: Settings) -> Steps[bool]:
+    """Find, in steps, whether a scene shows these settings and nothing was edited by hand. Its ground may be coarse
+    while the fine one follows."""
+    built = scenes.find_built(require_scene(scene_uid))
+    if built is None or built.outdated or scenes.why_shared(built):
+        return False
+    is_left_coarse = built.preview and preview.find_preview_of(built.scene, settings) is None
+    if is_left_coarse or scenes.list_changed_settings(built, settings):
+        return False
+    return not (yield from built.find_whether_edited())
 
 
 class ICYMOON_OT_clear_scene(ExplainedOperator, bpy.types.Operator):

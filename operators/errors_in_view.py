@@ -62,7 +62,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
-        show_colours(context, [item])
+        show_colours(context, [item], solid=True)
         points = format_count(len(item.data.polygons), "point")
         self.report({"INFO"}, show_controls(f"{points} measured by {describe_method(method)}"))
         return {"FINISHED"}

@@ -43,6 +43,11 @@ def _list_formats() -> list[tuple[str, str, str]]:
     return found
 
 
+def find_format_title(kind: str) -> str:
+    """The title of a format, as the list of formats has it."""
+    return next((title for name, title, _ in _list_formats() if name == kind), kind)
+
+
 _SOURCES = (
     (
         "SCENE",
@@ -216,7 +221,9 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         job = self._job
         sentences = [format_for_window(each) for each in (*job.warnings, *filter(None, [job.failure]))]
         folder = "" if job.failure else str(self._out)
-        session.exported[self._exported_as] = Exported(folder, tuple(sentences), self._paths, self._settings)
+        session.exported[self._exported_as] = Exported(
+            folder, tuple(sentences), self._paths, self._settings, find_format_title(self.kind)
+        )
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, show_controls(f"Exported to {self._out}"))

@@ -38,6 +38,7 @@ class WatchingOperator(ExplainedOperator):
 
     #: Seconds between two looks at the job.
     interval_s = jobs.INTERVAL_S
+    bl_label: str
     _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
     _watch: unseen_jobs.Watch | None = None
@@ -68,7 +69,12 @@ class WatchingOperator(ExplainedOperator):
         return {"FINISHED"}
 
     def fail(self, error: Exception) -> set[str]:
-        """Report an error to the user and cancel."""
+        """Report an error to the user and cancel. The sidebar names what failed."""
+        if self._job is not None:
+            session.note_end(self._job, "failed")
+        else:
+            session.note_failure(self.bl_label, bpy.context.scene.session_uid)
+        redraw_panels()
         self.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
 
@@ -260,19 +266,12 @@ class JobOperator(WatchingOperator):
             redraw_panels()
         return running
 
-    def fail(self, error: Exception) -> set[str]:
-        """Report an error; the sidebar names the job that failed."""
-        if self._job is not None:
-            session.ended = f"{self._job.title}: failed"
-            redraw_panels()
-        return super().fail(error)
-
     def report_end(self, context: bpy.types.Context) -> None:
         """Take the job from the sidebar, and report its warnings."""
         context.window_manager.progress_end()
         if session.job is self._job:
             session.job = None
-        session.ended = f"{self._job.title}: {self._job.outcome}"
+        session.note_end(self._job)
         redraw_panels()
         for warning in self._job.warnings:
             self.report({"WARNING"}, format_for_window(warning))

@@ -36,6 +36,7 @@ from .coloured_views import give_back_views, show_colours
 from .job_operators import JobOperator
 from .operator_type import ExplainedOperator
 from .render import find_dataset_folder, plan_pairs
+from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import find_scene
 from .window_events import make_registration
@@ -153,10 +154,11 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
         leave_edit_mode()
         points, group = self._job.result["value"], scene.icymoon.lidar
         item = lidar_in_view.show_points(scene, points, group.colour, group.points)
-        show_colours(context, [item])
+        show_colours(context, [item], solid=True)  # sunlit ice is so bright that the points would be dark and noisy
         counted = f"{format_count(points.total, 'point')} of {points.title}"
         told = f"{counted}; {points.returned} of {format_count(points.beams, 'beam')} returned"
         self.report({"INFO"}, show_controls(told))
+        session.note_end(self._job, f"{points.returned} of {format_count(points.beams, 'beam')} returned")
 
     _scene_uid: int
 

@@ -24,7 +24,7 @@ from . import refine_ground, shadow_warning, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .session import SIDES, session
-from .sidebar_text import find_light, find_sky_fault, replace_keys_by_labels
+from .sidebar_text import describe_ground_file, find_light, find_sky_fault, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
 
@@ -125,7 +125,9 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
     if scenes.find_collection(scene) is None:
         return []
     follows = refine_ground.describe_refining(scene)
-    sentences = [follows] if follows else preview.read_notes(scene) or ["Ground in full detail"]
+    sentences = (
+        [follows] if follows else preview.read_notes(scene) or [describe_ground_file(scene) or "Ground in full detail"]
+    )
     fault = find_sky_fault(find_light(scene_properties.read_for_display(scene.icymoon)))
     shown = [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
     if shadow_warning.describe_shadow(scene):

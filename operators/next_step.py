@@ -26,7 +26,7 @@ def find_next_step(scene: bpy.types.Scene) -> str:
         return DENOISER_OFF if explain_missing_denoiser(scene) else "Next: Render Stereo Pair"
     if scene_properties.read_variations(scene.icymoon).varied and not last_variations.find_pairs(scene):
         return "Next: Vary This Scene, below"
-    if session.ended.startswith(f"{decide.TITLE}: ") and scene.session_uid in session.decided:
+    if session.find_end(scene).startswith(f"{decide.TITLE}: ") and scene.session_uid in session.decided:
         return "Next: Evaluation, at its end"
     found = results.read_stored_results(scene)
     evaluated = found is not None and (found.scope != "SCENE" or {path.name for path in pairs} <= {*found.pairs})

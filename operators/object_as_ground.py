@@ -21,7 +21,8 @@ from ..support.steps import Steps, finish
 from .build import leave_edit_mode
 from .import_ground import GroundOperator
 from .operator_type import ExplainedOperator
-from .render import find_dataset_folder
+from .render import find_dataset_folder, require_scene
+from .sidebar_text import GROUND_OBJECT
 
 #: The bytes of a file with vertices (n, 3) and triangles (m, 3).
 EncodeMesh = Callable[[Array, Array], bytes]
@@ -97,10 +98,13 @@ class ICYMOON_OT_object_as_ground(SelectedMeshOperator, GroundOperator, bpy.type
         flat = is_shaded_flat(context.active_object, context.evaluated_depsgraph_get())
         told = "" if unit_m == 1.0 else f"; a unit of this scene is {unit_m:g} m"
         encode = partial(encode_triangles, ("x", "y", "z"))
+        scene_uid, name = context.scene.session_uid, context.active_object.name
         path = yield from self.keep_mesh_in_steps(context, "source.file", ".ply", encode, told)
+        file = shorten_path(path, folder)
+        require_scene(scene_uid)[GROUND_OBJECT] = {"file": file, "name": name}
         return {
             "kind": "MESH",
-            "file": shorten_path(path, folder),
+            "file": file,
             "scale": 1.0,
             "up_axis": "Z",
             "flat_faces": flat,

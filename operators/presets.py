@@ -32,15 +32,12 @@ from .job_operators import WatchingOperator
 from .operator_type import ExplainedOperator
 from .preferences import find_extension_folder
 from .session import session
-from .sidebar_text import format_for_window, measure_line_length, remember_answers
+from .sidebar_text import format_for_window, remember_answers
 from .window_areas import find_scene
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
 _PICTURE_SUFFIX = ".png"
-_CHANGED_MARK = ", changed"
-#: Characters that the icons and buttons beside a preset's title take, and minimum length of a recognisable title.
-_BUTTON_CHARACTERS, _FEWEST_TITLE_CHARACTERS = 13, 6
 #: Topics that belong to the user and stay when a scene is loaded.
 _KEPT_TOPICS = ("dataset", "quality")
 #: Columns and rows of a preset's picture at most.
@@ -129,19 +126,6 @@ def find_title(name: str) -> str:
     """The title of a preset in the sidebar."""
     found = next((title for known, title, _ in list_preset_items() if known == name), name.split("/")[-1])
     return found or "Choose a Preset"
-
-
-def make_button_title(scene: bpy.types.Scene) -> str:
-    """Make the label of the preset's button: its title, with a mark if the scene was changed since. The title is cut to
-    the width, and left out if almost none of it fits.
-    """
-    title = find_title(scene.icymoon.preset)
-    if not is_changed(scene):
-        return title
-    room = measure_line_length() - _BUTTON_CHARACTERS - len(_CHANGED_MARK)
-    if room < _FEWEST_TITLE_CHARACTERS:
-        return "Changed"
-    return f"{title if len(title) <= room else f'{title[: room - 1].rstrip()}…'}{_CHANGED_MARK}"
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:

@@ -18,6 +18,7 @@ from ..nodes.ground.user_ground import is_from_file
 from ..physics.scene_checks import find_reasons_without_file
 from ..render.cost.blender_abilities import Abilities, describe_lack_for_quality
 from ..render.cost.measure_speed import read_speed_of_pair
+from ..render.cost.quality_presets import estimate_render_seconds
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
@@ -37,7 +38,7 @@ from .job_operators import PreparingOperator
 from .refine_ground import start_refining
 from .session import session
 from .settled_steps import settle
-from .sidebar_text import format_for_window, keep_speed
+from .sidebar_text import format_for_window, keep_speed, recall_known_speed
 from .user_render import prepare_render
 from .window_areas import find_scene, pause_rendered_views, push_undo
 
@@ -220,7 +221,17 @@ class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):
             self._warn(edited)
             _save_copy(files.blend)
         command, device = blender_command(jobs.find_this_blender(), "worker", str(files.file)), settings.quality.device
-        return jobs.Job.start("Render Stereo Pair", command, self._hear, files.remove, device=device, clean=False)
+        job = jobs.Job.start(
+            "Render Stereo Pair",
+            command,
+            self._hear,
+            files.remove,
+            device=device,
+            clean=False,
+            if_stopped="finished pairs are kept" if int(settings.dataset.headings) > 1 else "no pair was finished",
+        )
+        job.expected = jobs.Expectation(*estimate_render_seconds(settings, recall_known_speed(str(device))))
+        return job
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "pair":

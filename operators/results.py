@@ -48,6 +48,7 @@ _RESULTS_SHAPE = {
     "settings": Each(TABLE, TEXT),
     "summary": Each(_ROW_SHAPE),
     **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
+    "noise_doubt": Maybe(NUMBER),
 }
 _FILES_SHAPE = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
 _REPORT_SHAPE = {
@@ -56,6 +57,7 @@ _REPORT_SHAPE = {
     "rows": _FILES_SHAPE,
     "curves": Maybe(Each(TEXT, TEXT)),
     **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
+    "noise_doubt": Maybe(NUMBER),
     "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
 }
 #: Maximum number of characters of a text from a file.
@@ -88,6 +90,7 @@ class StoredResults:
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
     typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
+    noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -110,6 +113,7 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
             {key: value for key, value in _complete_row(row).items() if key in _ROW_SHAPE} for row in report["summary"]
         ],
         **{key: report.get(key, [])[:_MAX_NOTES] for key in _SENTENCE_LISTS},
+        "noise_doubt": report.get("noise_doubt", 0.0),
     }
     scene.icymoon.results = json.dumps(kept)
 
@@ -127,16 +131,18 @@ def _parse_results(text: str) -> StoredResults | None:
         return None
     if find_fault(found, _RESULTS_SHAPE):
         return None
+    sentences: dict[str, Any] = {
+        key: tuple(_clean_text(note, _MAX_NOTE_CHARACTERS) for note in found.get(key, ())[:_MAX_NOTES])
+        for key in _SENTENCE_LISTS
+    }
     return StoredResults(
         _clean_text(found["made"]),
         found["scope"],
         tuple(map(_clean_text, found["pairs"])),
         typed(found["settings"]),
         tuple(sorted(map(_complete_row, found["summary"]), key=_sort_key)),
-        *(
-            tuple(_clean_text(note, _MAX_NOTE_CHARACTERS) for note in found.get(key, ())[:_MAX_NOTES])
-            for key in _SENTENCE_LISTS
-        ),
+        **sentences,
+        noise_doubt=float(found.get("noise_doubt", 0.0)),
     )
 
 
@@ -340,10 +346,18 @@ def describe_result(row: Mapping[str, Any]) -> str:
     )
 
 
-def describe_verdict(rows: Sequence[Mapping[str, Any]]) -> str:
+def read_noise_doubt(scene: bpy.types.Scene) -> float:
+    """The difference of the matchers' shares of wrong pixels that noise of the renders may make, by the last
+    evaluation."""
+    found = read_stored_results(scene)
+    return found.noise_doubt if found else 0.0
+
+
+def describe_verdict(rows: Sequence[Mapping[str, Any]], noise_doubt: float = 0.0) -> str:
     """Which matcher has the fewest wrong pixels, and their share, in one line; ``rows`` as ``read_summary`` gives them.
 
-    It is called the best only where it is so by the report's comparison.
+    It is called the best only where it is so by the report's comparison. The first two are too close to call where that
+    comparison leaves all ranks open, or where noise may make their difference, see ``read_noise_doubt``.
     """
     measured = [row for row in rows if row["n"]]
     if not measured:
@@ -352,7 +366,20 @@ def describe_verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     name, wrong = describe_method(first["method"]), format_percent(first["total_bad_1"])
     if len(measured) == 1:
         return f"{name}: {wrong} wrong"
-    return f"Best: {name}, {wrong} wrong" if is_best(first, RANKING_METRIC, rows) else f"Fewest wrong: {name}, {wrong}"
+    second = measured[1]
+    is_ranked = RANKING_METRIC in first["ranks"] and RANKING_METRIC in second["ranks"]
+    best = is_best(first, RANKING_METRIC, rows)
+    if _compute_lead(first, second) <= noise_doubt or (is_ranked and not best):
+        other = f"{describe_method(second['method'])} {format_percent(second['total_bad_1'])}"
+        return f"Too close to call: {name} {wrong}, {other} wrong"
+    return f"Best: {name}, {wrong} wrong" if best else f"Fewest wrong: {name}, {wrong}"
+
+
+def _compute_lead(first: Mapping[str, Any], second: Mapping[str, Any]) -> float:
+    """By how much the share of wrong pixels of a matcher is smaller than that of the next; infinite if the next has
+    none."""
+    shares = first["total_bad_1"], second["total_bad_1"]
+    return math.inf if None in shares else float(shares[1] - shares[0])
 
 
 def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import PairViews
 from .first_picture import FirstPicture
@@ -35,12 +37,13 @@ class ShownPair:
 @dataclass(frozen=True)
 class Exported:
     """The last export of a scene's source: its folder, empty if it failed, and sentences on what was left out or went
-    wrong; which folders it was of, and with which settings."""
+    wrong; which folders it was of, with which settings, and the title of its format."""
 
     folder: str
     sentences: tuple[str, ...]
     paths: tuple[Path, ...]
     settings: Settings
+    title: str = ""
 
 
 @dataclass
@@ -48,7 +51,9 @@ class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
 
     job: Job | None = None  # the job that the sidebar shows
-    ended: str = ""  # how the last such job ended
+    ended: str = ""  # how the last such job or build ended
+    remains: str = ""  # what it left, if it was stopped
+    ended_in: int = 0  # ``session_uid`` of the scene of that job; 0 for every scene
     reading: Job | None = None  # reads the pair that is shown next
     shown: ShownPair | None = None
     developing: Job | None = None  # develops the camera images that Image Editors show
@@ -109,6 +114,19 @@ class Session:
         vars(self).update(vars(Session()))
         if running:
             redraw_panels()
+
+    def note_end(self, job: Job, outcome: str = "") -> None:
+        """Note for the sidebar how a job or a build has ended, by default as the job states it."""
+        self.ended, self.ended_in = f"{job.title}: {outcome or job.outcome}", job.scene_uid
+        self.remains = "" if outcome else job.remains
+
+    def note_failure(self, title: str, scene_uid: int) -> None:
+        """Note for the sidebar that something failed before its job began."""
+        self.ended, self.ended_in, self.remains = f"{title}: failed", scene_uid, ""
+
+    def find_end(self, scene: bpy.types.Scene) -> str:
+        """How the last job of a scene ended, if no job of another scene has ended since; otherwise empty."""
+        return self.ended if self.ended_in in (0, scene.session_uid) else ""
 
     def stop_building(self) -> None:
         """Stop the build that runs piece by piece, before anything that would be wrong beside it."""

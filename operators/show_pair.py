@@ -54,6 +54,8 @@ VIEWS = (
 )
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
+#: The line without a pair. It fills the room that the lines about a pair will take.
+_NO_PAIR = "No pair is rendered; the exposure, the depth and warnings of a pair will be here"
 #: Seconds after the last change of a setting until the pair is developed again.
 REST_S = 0.3
 _FLICKER_S = 1 / 3
@@ -323,9 +325,9 @@ def describe_picture(scene: bpy.types.Scene) -> str:
 
 def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
     if find_pairs_to_show(scene):
-        return "The pair is not shown"
+        return "The pair is not shown; the buttons above show it"
     # The scene knows its pair although the folder has changed or its files are gone.
-    return "The pair is not in Data Set ▸ Folder" if scene.icymoon.pairs else "No pair is rendered"
+    return "The pair is not in Data Set ▸ Folder" if scene.icymoon.pairs else _NO_PAIR
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------

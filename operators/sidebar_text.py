@@ -150,6 +150,24 @@ def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
     return tuple(line.replace(_HELD_SPACE, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 
+#: Custom property of a scene: the file of a ground that was made of an object, and the name of the object.
+GROUND_OBJECT = "icymoon_ground_object"
+
+
+def describe_ground_file(scene: bpy.types.Scene) -> str:
+    """Name the object or the file of a scene's ground; empty for other ground.
+
+    The file of an object has a name that follows from its content, so the object's name is kept with the scene.
+    """
+    source = scene.icymoon.source
+    if source.kind not in ("MESH", "HEIGHT_MAP") or not source.file:
+        return ""
+    stored: Any = scene.get(GROUND_OBJECT)
+    kept = dict(stored.items()) if hasattr(stored, "items") else {}
+    name = f"copy of {kept.get('name')}" if kept.get("file") == source.file else Path(source.file).name
+    return show_controls(f"Ground: {name}")
+
+
 def list_omission_lines(settings: Settings) -> tuple[str, ...]:
     """Sentences on the details that a render would omit, as in ``pair.json``; none on the planet if the sky cannot be
     computed.

@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ..nodes import measured_surface, painted_errors
 from ..operators import results
 from ..stereo.inference.typical_scene import count_scenes_for_methods
 from ..stereo.matchers.methods import describe_method
@@ -17,13 +18,17 @@ from .fields import draw_lines, draw_sentence, draw_start
 
 #: Share of a line for the name of a metric.
 _NAME_SHARE = 0.62
+#: What counts as wrong; it is drawn above the table.
+WRONG = "Wrong: off by over 1 px, or missing"
 
 
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it.
 
-    The matchers are not in boxes, because text in a box has too little contrast in the light theme.
+    The meaning of colours that the view shows is below the buttons of their matcher, where the user looks. The matchers
+    are not in boxes, because text in a box has too little contrast in the light theme.
     """
+    legends = _list_legends(scene)
     for row in rows:
         layout.separator(factor=0.5)
         column = layout.column(align=True)
@@ -35,11 +40,33 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
             for name, value in _list_other_metrics(row):  # not grey: the light theme's grey cannot be read
                 _draw_metric(column, name, value)
         _draw_buttons(column, scene, row["method"])
+        _draw_legends(column, scene, legends.pop(describe_method(row["method"]), ()))
+    for lines in legends.values():  # of a matcher that the last evaluation does not have
+        _draw_legends(layout.column(align=True), scene, lines)
+
+
+def _list_legends(scene: bpy.types.Scene) -> dict[str, tuple[tuple[str, str], ...]]:
+    """The lines of the legends of the painted errors and of the surface that are shown, by the matcher in words."""
+    found: dict[str, tuple[tuple[str, str], ...]] = {}
+    for shown in (painted_errors, measured_surface):
+        if lines := shown.make_legend(scene):
+            title = shown.find_title(scene)
+            found[title] = (*found.get(title, ()), *lines)
+    return found
+
+
+def _draw_legends(column: bpy.types.UILayout, scene: bpy.types.Scene, lines: Sequence[tuple[str, str]]) -> None:
+    """Draw the error that has the full colour, and the lines of a legend; nothing without lines."""
+    if not lines:
+        return
+    column.prop(scene.icymoon, "error_range_m", slider=True)
+    for meaning, icon in lines:
+        draw_sentence(column, meaning, icon)
 
 
 def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
-    draw_sentence(layout, "Wrong: off by over 1 px, or missing. Metrics below Covered are of covered pixels.")
+    draw_sentence(layout, "Metrics below Covered are of covered pixels.")
     draw_sentence(
         layout,
         "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
 from ..operators.export_pairs import find_export
@@ -9,6 +11,14 @@ from .fields import draw_lines, draw_start
 
 #: Maximum number of sentences on an export in the sidebar; the Info editor has all sentences.
 _MAX_SENTENCES = 3
+#: Maximum number of names of a path in the sidebar.
+_MAX_NAMES = 2
+
+
+def shorten_folder(folder: str) -> str:
+    """The last two names of a path, which fit into a line or two; the button below opens the folder."""
+    parts = Path(folder).parts
+    return folder if len(parts) <= _MAX_NAMES + 1 else str(Path("…", *parts[-_MAX_NAMES:]))
 
 
 def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str) -> None:
@@ -21,6 +31,7 @@ def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str)
     if done is None:
         return
     if done.folder:
+        draw_lines(layout, (f"Exported {done.title} to {shorten_folder(done.folder)}",), "CHECKMARK")
         layout.operator("wm.path_open", text="Open Exported Files", icon="FILE_FOLDER").filepath = done.folder
     for sentence in done.sentences[:_MAX_SENTENCES]:
         draw_lines(layout, (sentence,), "ERROR")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes import measured_surface, painted_errors, preview
+from ..nodes import preview
 from ..operators import (
     dataset,
     evaluate,
@@ -32,7 +32,7 @@ from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
-from .error_table import draw_errors, explain_errors
+from .error_table import WRONG, draw_errors, explain_errors
 from .exports import draw_export
 from .fields import RowsOfText, draw_fields, draw_lines, draw_sentence, draw_settings, draw_start, fill_room
 from .find_setting import draw_found, draw_search
@@ -70,8 +70,8 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-#: A text about as long as the longest status of a built scene.
-_STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
+#: A text about as long as the status of a built scene while a setting is dragged, but for its rarest combination.
+_STATUS_ROOM = max(refine_ground.NOTE, shadow_warning.BRIEF, key=len)
 #: Texts of a button, in a sidebar as Blender opens it and in a narrow one.
 _SEVERAL_SUNS = "Decide Where to Dig on Several Suns", "Decide on Several Suns"
 #: Share of the line of the progress that the bar takes, beside the button that stops the job.
@@ -94,9 +94,13 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         column.label(text="Esc stops it", icon="BLANK1")
         return
     if job is None:
-        title, _, outcome = (session.ended or "No job is running").rpartition(": ")
-        column.label(text=_choose_text(session.ended, outcome.capitalize()) if title else outcome)
-        _draw_next_step(column, next_step.find_next_step(scene))
+        ended = session.find_end(scene)
+        title, _, outcome = (ended or "No job is running").rpartition(": ")
+        column.label(text=_choose_text(ended, outcome.capitalize()) if title else outcome)
+        if ended and session.remains:
+            column.label(text=session.remains)
+        else:
+            _draw_next_step(column, next_step.find_next_step(scene))
         return
     text, below = job.shown
     row = column.split(factor=_BAR_SHARE, align=True)
@@ -130,10 +134,11 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(
-            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0
+            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=6.7
         )
         row = layout.row(align=True)
-        row.menu("ICYMOON_MT_presets", text=presets.make_button_title(context.scene), icon="PRESET")
+        icon = "GREASEPENCIL" if presets.is_changed(context.scene) else "PRESET"  # words would cut the title
+        row.menu("ICYMOON_MT_presets", text=presets.find_title(context.scene.icymoon.preset), icon=icon)
         row.operator("icymoon.add_preset", text="", icon="ADD")
         row.operator("icymoon.remove_preset", text="", icon="REMOVE")
         column = layout.column(align=True)
@@ -176,7 +181,9 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         rows = results.read_summary(context.scene)
-        draw_lines(layout, (results.describe_verdict(rows),), "VIEWZOOM")
+        verdict = results.describe_verdict(rows, results.read_noise_doubt(context.scene))
+        draw_lines(layout, (verdict,), "VIEWZOOM")
+        draw_lines(layout, (WRONG,))
         origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
@@ -192,12 +199,6 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
-        meanings = (*painted_errors.make_legend(context.scene), *measured_surface.make_legend(context.scene))
-        if meanings:
-            layout.prop(context.scene.icymoon, "error_range_m", slider=True)
-            column = layout.column(align=True)
-            for meaning, icon in meanings:
-                draw_sentence(column, meaning, icon)
         # The explanations are below the buttons, so that the buttons are in sight of the table.
         explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):

@@ -34,6 +34,8 @@ Extra = Callable[[Any, bpy.types.Context], None]
 def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
     _draw_taking(layout, "ground")
+    if told := sidebar_text.describe_ground_file(context.scene):
+        draw_lines(layout, (told,), "MESH_DATA")
     if context.scene.icymoon.source.kind != "PROCEDURAL":
         draw_placing(layout, "SITE")
 

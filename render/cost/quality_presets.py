@@ -15,7 +15,7 @@ from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
 from ..plans.baked_or_traced import estimate_bake_seconds, resolve_auto_indirect
 from .blender_abilities import Abilities, describe_lack
-from .estimate import estimate_prior_spread, estimate_work, format_duration
+from .estimate import estimate_prior_spread, estimate_roughly, estimate_work, format_duration
 from .machine_speed import Speed, to_wall_seconds
 
 
@@ -69,7 +69,23 @@ def estimate_pair_seconds(settings: Settings, triangles: float, speed: Speed | N
     if is_baked(settled) and settled.quality.bake_area == "VIEW":
         work += estimate_bake_seconds(settled)
     seconds = to_wall_seconds(work * (speed.factor if speed else 1.0), speed)
-    return seconds, math.exp(2.0 * estimate_prior_spread(speed, settings.quality.device == "GPU"))
+    return seconds, _find_uncertainty(settings, speed)
+
+
+def estimate_render_seconds(settings: Settings, speed: Speed | None) -> tuple[float, float]:
+    """Wall seconds until a process of its own has built a scene and rendered all its pairs, one for each heading, and
+    their uncertainty as a factor. Light that all pairs share counts once."""
+    headings = int(settings.dataset.headings)
+    settled = resolve_auto_indirect(settings, headings)
+    seconds, _ = estimate_roughly((settled,), headings, 1.0, speed)
+    if is_baked(settled):
+        bakes = headings if settled.quality.bake_area == "VIEW" else 1
+        seconds += to_wall_seconds(bakes * estimate_bake_seconds(settled) * (speed.factor if speed else 1.0), speed)
+    return seconds, _find_uncertainty(settings, speed)
+
+
+def _find_uncertainty(settings: Settings, speed: Speed | None) -> float:
+    return math.exp(2.0 * estimate_prior_spread(speed, settings.quality.device == "GPU"))
 
 
 def list_qualities(

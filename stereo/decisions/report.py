@@ -60,7 +60,7 @@ _GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
 _MAX_FILLED_SHARE = 0.2
 #: A pair cannot rank matchers if the true depth itself loses more than this share of the safe sites.
 MAX_LOST_BY_TRUTH = 0.5
-#: Reasons for which a safe site is lost, by the names of ``safe_sites.RULE_NAMES``.
+#: Reasons for which a site is not taken, by the names of ``safe_sites.RULE_NAMES``.
 _REASONS = {
     "known": "too few of its cells have a height",
     "slope": "it looks too steep",
@@ -68,7 +68,12 @@ _REASONS = {
     "rocks": "a rock looks too near",
     "reach": "it looks out of reach",
     "light": "it looks dark",
+    "least_albedo": "its albedo looks too low",
+    "most_albedo": "its albedo looks too high",
+    "salts": "it shows too little salt",
 }
+#: Share of the safe sites from which on their loss has its main reason told.
+_MUCH_LOST = 0.5
 #: Share of the ground in reach below which a part of it is too small to give results.
 _MIN_GROUND_SHARE = 0.005
 #: The numbers of a row by their path in it, which are the columns of the tables.
@@ -251,6 +256,8 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
                 "pairs": len(values),
                 "scenes": len(np.unique(scenes)),
                 "base_rate": float(np.mean(rates)) if rates else None,
+                "refused_by": _average_reasons([each.get("refused_by", {}) for each in own]),
+                "lost_by": _average_reasons([each["lost_by"] for each in own if each.get("safe_lost") is not None]),
                 "roc": np.mean(curves, axis=0).tolist() if curves else None,
                 "chosen": int(sum(each["chosen"] is not None for each in own)),
                 "unsafe_chosen": int(sum(each["unsafe_choice"] == 1 for each in own)),
@@ -261,6 +268,19 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
             }
         )
     return result
+
+
+def _average_reasons(shares: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """The mean share of each reason over pairs, the largest first."""
+    names = {name for each in shares for name in each}
+    means = {name: sum(each.get(name, 0.0) for each in shares) / len(shares) for name in names}
+    return dict(sorted(means.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _tell_main_reason(shares: Mapping[str, float], whole: str) -> str:
+    """The reason with the largest of the shares of a ``whole``, and its share; empty without a reason."""
+    name, share = next(iter(shares.items()), ("", 0.0))
+    return f", mainly because {_REASONS[name]} ({_format_percent(share)} of 100 {whole})" if share else ""
 
 
 def is_share(column: Column) -> bool:
@@ -348,17 +368,18 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
     unsafe = entry["sites.false_safe"]
     if unsafe is None or entry["sites.taken"] < _MIN_GROUND_SHARE:
         much = "no" if unsafe is None else "hardly any"
-        base_rate = entry["base_rate"]
+        base_rate, why = entry["base_rate"], _tell_main_reason(entry["refused_by"], "sites")
         if base_rate == 0:
-            return f"No site is safe by the rules; with {name}{sun}, {much} site looks safe ({scenes})."
+            return f"No site is safe by the rules; with {name}{sun}, {much} site looks safe{why} ({scenes})."
         but = "although" if base_rate and base_rate >= _MIN_GROUND_SHARE else "and"
         safe = "" if base_rate is None else f", {but} {_format_percent(base_rate)} of 100 are safe"
-        return f"With {name}{sun}, {much} site looks safe{safe} ({scenes})."
+        return f"With {name}{sun}, {much} site looks safe{why}{safe} ({scenes})."
+    why = _tell_main_reason(entry["lost_by"], "safe ones") if lost is not None and lost >= _MUCH_LOST else ""
     between = _format_interval(entry, "sites.false_safe")
     chosen = "place" if unit == "site" else "site"  # "site" already names the pairs
     return (
         f"With {name}{sun}, {_format_percent(unsafe)} of 100 sites that look safe are not{between}"
-        f"{'' if lost is None else f', and {_format_percent(lost)} of 100 safe ones are lost'}; it would choose a "
+        f"{'' if lost is None else f', and {_format_percent(lost)} of 100 safe ones are lost{why}'}; it would choose a "
         f"{chosen} in "
         f"{entry['chosen']} of {format_count(entry['pairs'], unit)}, an unsafe one in "
         f"{entry['unsafe_chosen']} ({scenes})."

@@ -33,7 +33,8 @@ def score_sites(
       ``false_safe`` the rest. Of the safe cells, ``recall`` is the share of taken ones and ``safe_lost`` the rest.
     * ``dangerous``: of the taken cells, the share that misses a limit by more than the share ``tolerance`` of it. Other
       unsafe cells are marginal.
-    * ``lost_by``: of the safe cells, the shares that are not taken, by the first rule that fails.
+    * ``refused_by``: of all cells, the shares that are not taken, by the first rule that fails; ``lost_by``: the same
+      of the safe cells.
     * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
       shares ``ROC_FALSE_SAFE_SHARES`` of unsafe ones.
     * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
@@ -55,7 +56,8 @@ def score_sites(
         "false_safe": _divide_or_none(taken.sum() - both, taken.sum()),
         "safe_lost": _divide_or_none(safe.sum() - both, safe.sum()),
         "dangerous": _divide_or_none((taken & ~is_within_tolerance(truth.margin[among], tolerance)).sum(), taken.sum()),
-        "lost_by": _count_lost_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
+        "refused_by": _divide_by_rule(found.failed[among], int(safe.size)),
+        "lost_by": _divide_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
     }
     result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance, offered)
     result |= _count_by_margin(found, truth, among if offered is None else offered)
@@ -89,10 +91,11 @@ def is_within_tolerance(margin: Array, tolerance: float) -> Array:
     return np.asarray(margin >= -tolerance - _ROUNDING)
 
 
-def _count_lost_by_rule(failed: Array, safe: int) -> dict[str, float]:
-    """The shares of the safe cells that are lost, by the name of the first rule that fails."""
+def _divide_by_rule(failed: Array, whole: int) -> dict[str, float]:
+    """The shares of a ``whole`` number of cells that have the codes ``failed`` (n,), by the name of the first rule that
+    fails. Cells that fail none do not count."""
     counts = np.bincount(failed.astype(np.intp), minlength=len(RULE_NAMES) + 1)[1:]
-    return {name: float(count) / safe for name, count in zip(RULE_NAMES, counts, strict=True) if count and safe}
+    return {name: float(count) / whole for name, count in zip(RULE_NAMES, counts, strict=True) if count and whole}
 
 
 def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float, offered: Array | None) -> dict[str, Any]:

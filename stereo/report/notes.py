@@ -97,6 +97,12 @@ class Notes:
         if row.get("search"):
             self._search[label].append((row["pair"], row["search"]))
 
+    @property
+    def noise_doubt(self) -> float:
+        """The difference between two methods' mean shares of wrong or missing pixels that noise alone may make; 0 if
+        noise decides the result of no pair. A mean changes by the mean of the pairs' doubts at most."""
+        return sum(doubt for doubt, _ in self._decided) / max(self._pairs, 1)
+
     def found(self) -> list[Note]:
         """The notes, the most important first."""
         missed = (self._note_missed(label, found) for label, found in self._search.items())

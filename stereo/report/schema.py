@@ -66,6 +66,7 @@ class Report(TypedDict):
     notes: list[str]  # sentences on the limits of the comparison
     briefs: list[str]  # their first parts, for where there is little room
     doubts: list[str]  # the notes that make results doubtful
+    noise_doubt: float  # difference of mean shares of wrong or missing pixels that noise of the renders may make
     plug_ins: list[dict[str, Any]]  # the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``
     provenance: Mapping[str, Any]
 

@@ -84,6 +84,7 @@ def write_results(
         "notes": [note.sentence for note in notes.found()],
         "briefs": [note.brief for note in notes.found()],
         "doubts": [note.sentence for note in notes.found() if note.doubtful],
+        "noise_doubt": notes.noise_doubt,
         "plug_ins": [metric.to_json() for metric in load_plugin_metrics()[0]],
         "provenance": _describe_provenance(methods, ran_on, source, seed),
     }

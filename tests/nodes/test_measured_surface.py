@@ -114,7 +114,9 @@ def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tm
         + b"\n"
         + b"\n".join(content[5:])
     )
+    assert measured_surface.find_title(bpy.context.scene) == ""
     measured_surface.build_points(bpy.context.scene, [old], "old")
+    assert measured_surface.find_title(bpy.context.scene) == "old"
     assert not any("Missing" in line for line, _ in measured_surface.make_legend(bpy.context.scene))
     assert any("Too far" in line for line, _ in measured_surface.make_legend(bpy.context.scene))
     measured_surface.clear_points(bpy.context.scene)

@@ -260,6 +260,7 @@ def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(sho
     assert painted_errors.find_painted(scene) is not None  # a refusal leaves what is shown
     painted_errors.clear_painted(scene)
     assert painted_errors.make_legend(scene) == ()
+    assert painted_errors.find_title(scene) == ""
 
 
 @pytest.fixture
@@ -289,6 +290,7 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     assert painted_errors.make_legend(scene)[0][0] == "Depth error of near on the ground"
     assert bpy.ops.icymoon.paint_errors(method="bm:window=7") == {"FINISHED"}
     assert painted_errors.make_legend(scene)[0][0] == "Depth error of StereoBM window=7 on the ground"  # as its tick
+    assert painted_errors.find_title(scene) == "StereoBM window=7"
     assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
     error, _, colour = read(mesh)
     large = error > 0.15

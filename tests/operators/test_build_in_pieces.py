@@ -15,6 +15,7 @@ from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.operators import build, build_in_pieces, live_preview, work_in_pieces
 from icymoon.operators.build_in_pieces import PiecewiseBuildOperator
+from icymoon.operators.build_scene import ICYMOON_OT_build_scene
 from icymoon.operators.jobs import Job
 from icymoon.operators.session import session
 from icymoon.operators.window_events import cancel_call
@@ -311,6 +312,60 @@ def test_esc_and_undo_stop_it_and_take_back_what_came_before(rocky, operator, ev
     assert rocky.icymoon.preset == "before"
     assert everything() == before
     assert session.building is None
+
+
+@pytest.mark.parametrize("event", [ESCAPE, UNDO])
+def test_the_sidebar_tells_that_a_build_was_stopped_and_what_is_left(operator, event):
+    """It said that no job was running."""
+    operator.modal(bpy.context, event)
+    finish_operator(operator)
+    assert (session.ended, session.remains) == ("Build Scene: stopped", "The scene is as before")
+    session.ended = session.remains = ""
+
+
+class BuildScene(Operator):
+    """The operator of Build Scene as Blender holds it after ``invoke``."""
+
+    make_steps = ICYMOON_OT_build_scene.make_steps
+
+
+def press_build(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Press Build Scene, and return what it reports."""
+    monkeypatch.setattr(build_in_pieces.refine_ground, "start_refining", lambda: None)
+    found = BuildScene()
+    found._job = found.start(bpy.context)
+    assert finish_operator(found) == {"FINISHED"}
+    return found.said
+
+
+@pytest.mark.parametrize("build", [preview.build_coarse, scenes.build_scene], ids=["coarse", "full"])
+def test_a_scene_that_is_built_is_told_and_not_built_again(rocky, monkeypatch, build):
+    """It was built again without a word, with coarse ground."""
+    built = build(rocky, settings(rocky))
+    ground, marks = built.terrain, read_parts(built.collection)
+    assert press_build(monkeypatch) == ["The scene is built already, and nothing has changed since"]
+    assert session.ended == "Build Scene: nothing has changed"
+    assert (scenes.find_built(rocky).terrain, read_parts(built.collection)) == (ground, marks)
+    session.ended = ""
+
+
+@pytest.mark.parametrize("change", ["setting", "light", "edit", "deleted", "left coarse"])
+def test_a_scene_that_differs_from_its_settings_is_built_again(rocky, monkeypatch, change):
+    built = (preview.build_coarse if change == "left coarse" else scenes.build_scene)(rocky, settings(rocky))
+    if change == "setting":
+        rocky.icymoon.terrain.rms_slope_deg += 3.0
+    elif change == "light":
+        rocky.icymoon.light.sun_elevation_deg += 3.0
+    elif change == "edit":
+        built.sun.rotation_euler.x += 0.1
+    elif change == "deleted":
+        bpy.data.objects.remove(built.terrain)
+    else:  # the fine ground could not be made
+        del built.collection[scenes.REFINED]
+    assert press_build(monkeypatch)[-1].startswith("Built ")
+    assert session.ended == "Build Scene: done"
+    session.ended = ""
+    assert scenes.find_built(rocky).preview  # its fine ground follows
 
 
 def test_keys_of_others_pass(operator):

@@ -174,7 +174,7 @@ def export(scene, pair, folder="/x/y", sentences=("Loss.",)) -> None:
     """A finished export of the pair of the scene."""
     scene.icymoon.pairs = pair.name
     settings = scene_properties.read_for_display(scene.icymoon)
-    session.exported[scene.session_uid, "SCENE"] = export_pairs.Exported(folder, sentences, (pair,), settings)
+    session.exported[scene.session_uid, "SCENE"] = export_pairs.Exported(folder, sentences, (pair,), settings, "KITTI")
 
 
 def test_each_scene_and_source_keeps_its_export(scene, pair):
@@ -200,6 +200,17 @@ def test_an_export_is_shown_beside_its_own_button_until_another_pair_is_there(sc
     assert "Open Exported Files" not in draw_outcome(scene, "SCENE")
 
 
+def test_an_export_names_its_format_and_its_folder(scene, pair):
+    """The button alone did not tell what was written where."""
+    export(scene, pair)
+    assert "Exported KITTI to /x/y" in draw_outcome(scene, "SCENE")
+    export(scene, pair, folder="/home/someone/work/moons/data_export")
+    assert "moons/data_export" in (told := draw_outcome(scene, "SCENE"))
+    assert "someone/work" not in told  # a long path would fill the panel
+    export(scene, pair, folder="", sentences=("It broke.",))
+    assert "Exported" not in draw_outcome(scene, "SCENE")
+
+
 def test_why_an_export_failed_is_shown_until_a_setting_changes(scene, pair):
     export(scene, pair, folder="", sentences=("Lower sensor.bits.",))
     assert "Lower sensor.bits." in draw_outcome(scene, "SCENE")
@@ -217,6 +228,7 @@ def test_the_outcome_is_kept_with_the_pairs_and_settings_of_the_start(scene, pai
     kind._keep_outcome(operator)
     done = export_pairs.find_export(scene, "SCENE")
     assert done is not None
+    assert done.title == export_pairs.find_format_title("ply") == list_titles()["ply"][0]
     assert (done.folder, done.sentences) == (shown_folder, ("Loss.", *filter(None, [failure])))
 
 

@@ -9,6 +9,7 @@ import bpy
 import pytest
 from icymoon.nodes import lidar_in_view
 from icymoon.operators import jobs, lidar
+from icymoon.operators.session import session
 from icymoon.panels import active_sensors
 from icymoon.render.pairs.dataset_file_names import folder_of_pair
 from icymoon.settings.blender.scene_properties import OWN_SCANNER
@@ -79,6 +80,8 @@ def test_a_rendered_pair_has_its_scan_in_its_own_folder(small, started, monkeypa
 def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
     write_folder(lidar.find_scan_folders(lidar.plan_scans(small))[0], measured=True)
     assert bpy.ops.icymoon.show_scan() == {"FINISHED"}
+    assert session.ended == "Show LiDAR Points: 2 of 6 beams returned"  # it stays where the progress was
+    session.ended = ""
     item = lidar_in_view.find_points(small)
     small.icymoon.lidar.points = 2
     small.icymoon.lidar.colour = "RETURN_NUMBER"

@@ -15,12 +15,14 @@ from icymoon.formats.ply import read_triangles
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.nodes.ground import object_mesh
-from icymoon.operators import object_as_ground, refine_ground
+from icymoon.operators import live_preview, object_as_ground, refine_ground
 from icymoon.operators.import_ground import GroundOperator
+from icymoon.operators.sidebar_text import describe_ground_file
 from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import finish
+from panel_drawing import drawn, texts
 from pieces import count_pauses, stop_after
 from rendering import empty_scene
 from thread_asks import list_asks_of_threads
@@ -78,6 +80,20 @@ def test_the_ground_is_the_object_in_its_place(scene):
     built = scenes.find_built(scene)
     low, high = (np.array(built.terrain.bound_box).reshape(8, 3).__getattribute__(what)(0) for what in ("min", "max"))
     assert np.allclose([low, high], [wanted.min(0), wanted.max(0)], atol=1e-5)
+
+
+def test_the_panels_name_the_object_although_its_file_has_another_name(scene):
+    add_grid(name="Crater")
+    assert bpy.ops.icymoon.object_as_ground() == {"FINISHED"}
+    for record in (live_preview.list_lines(scene), drawn(bpy.types.ICYMOON_PT_source)):
+        assert "Ground: copy of Crater" in texts(record)
+    file = scene.icymoon.source.file
+    scene.icymoon.source.file = "/work/ridge.obj"
+    assert describe_ground_file(scene) == "Ground: ridge.obj"
+    scene.icymoon.source.file = file
+    assert describe_ground_file(scene) == "Ground: copy of Crater"
+    scene.icymoon.source.kind = "PROCEDURAL"
+    assert describe_ground_file(scene) == ""
 
 
 @pytest.mark.parametrize(("flat_share", "is_flat"), [(0.0, False), (0.25, False), (0.75, True), (1.0, True)])

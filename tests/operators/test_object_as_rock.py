@@ -52,6 +52,8 @@ def test_an_open_mesh_is_refused_and_nothing_changes(small):
 class Operator(object_as_rock.RockOperator):
     """An operator as Blender holds it after the button was pressed."""
 
+    bl_label = "Use Selected Object"
+
     def report(self, kind: set[str], message: str, /) -> None:
         pass
 

@@ -98,6 +98,8 @@ def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, starte
     small.icymoon.mesh.kind = "GRID"
     job, _ = started(bpy.context)
     job.clean_up()
+    assert job.expected.seconds > 0  # told until the first progress
+    assert job.expected.factor > 1
     built = scenes.find_built(small)
     assert len(built.terrain.data.vertices) <= preview.MAX_VERTICES
     assert preview.find_preview_of(small, read_settings())

@@ -110,10 +110,15 @@ def test_a_result_that_noise_decides_comes_with_the_button_that_finds_the_remedy
     path.write_text(
         json.dumps(
             json.loads(path.read_text())
-            | {"notes": [note.sentence for note in notes.found()], "briefs": [note.brief for note in notes.found()]}
+            | {
+                "notes": [note.sentence for note in notes.found()],
+                "briefs": [note.brief for note in notes.found()],
+                "noise_doubt": notes.noise_doubt,
+            }
         )
     )
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
+    assert results.read_noise_doubt(scene) == 0.2
     assert buttons_of_results().count("icymoon.auto_quality") == 1
     labels = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label")
     assert labels.count("Noise of the render decides") == 1

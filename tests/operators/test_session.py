@@ -9,6 +9,7 @@ import bpy
 import pytest
 from icymoon.operators import jobs, window_events
 from icymoon.operators.session import Session, session
+from icymoon.operators.work_in_pieces import WorkInPieces
 from icymoon.render.workers.watched_thread import Calculation
 from icymoon.support.errors import IcyMoonError
 from stand_ins import stand_in
@@ -122,3 +123,26 @@ def test_a_module_follows_events_only_while_it_is_registered(scene):
     undo()
     change_setting()
     assert heard == [{"material"}, "undo", "end"]
+
+
+def do_nothing():
+    yield None
+
+
+def test_how_a_job_ended_is_told_in_its_own_scene(small):
+    other = bpy.data.scenes.new("Other")
+    job = jobs.Job("Export", WorkInPieces(do_nothing(), "nothing"))
+    session.note_end(job, "done")
+    assert (session.find_end(small), session.find_end(other)) == ("Export: done", "")
+    session.note_failure("Use Selected Object as Rock", other.session_uid)
+    assert (session.find_end(small), session.find_end(other)) == ("", "Use Selected Object as Rock: failed")
+    session.ended, session.ended_in = "", 0
+
+
+def test_what_fails_before_its_job_begins_is_told_instead_of_the_last_job(small):
+    session.note_end(jobs.Job("Export", WorkInPieces(do_nothing(), "nothing")), "done")
+    bpy.ops.mesh.primitive_plane_add()
+    with pytest.raises(RuntimeError, match="must be closed"):
+        bpy.ops.icymoon.object_as_rock()
+    assert session.find_end(small) == "Use Selected Object as Rock: failed"
+    session.ended, session.ended_in = "", 0

@@ -332,14 +332,14 @@ def test_a_render_opens_a_window_where_the_user_wants_it(rendered, monkeypatch, 
 def test_a_pair_whose_files_are_elsewhere_is_not_said_to_be_unrendered(scene, tmp_path):
     """The results below it tell of the pair that was rendered last."""
     scene.icymoon.dataset.folder = str(tmp_path)
-    assert show_pair.list_lines(scene) == ["No pair is rendered"]
+    assert show_pair.list_lines(scene) == [show_pair._NO_PAIR]
     evaluated(scene, tmp_path)
     assert results.list_notes(scene)[0].startswith("Of an earlier pair;")
     scene.icymoon.pairs = PAIR
     assert results.list_notes(scene)[0].startswith("Of the pair rendered last;")
     assert show_pair.list_lines(scene) == ["The pair is not in Data Set ▸ Folder"]
     write_pair(tmp_path / "pairs" / PAIR)
-    assert show_pair.list_lines(scene) == ["The pair is not shown"]
+    assert show_pair.list_lines(scene) == ["The pair is not shown; the buttons above show it"]
 
 
 def test_the_header_names_the_pair_its_facts_and_how_it_is_shown(rendered):

@@ -12,11 +12,11 @@ import bpy
 import pytest
 from evaluations import ROW, evaluated
 from icymoon.commands.doctor import PLUGINS, Finding
-from icymoon.operators import evaluate, evaluator_python, jobs, preferences, sidebar_text
+from icymoon.operators import evaluate, evaluator_python, jobs, preferences, results, sidebar_text
 from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
-from icymoon.panels import CLASSES, fields, menu, sidebar
+from icymoon.panels import CLASSES, error_table, fields, menu, sidebar
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load, preset_names
 from icymoon.settings.table import TOPICS, list_all_settings
@@ -412,6 +412,42 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     assert "0 %" not in texts(drawn(sidebar.ICYMOON_PT_main))  # unknown until the job reports its progress
 
 
+@pytest.mark.parametrize(
+    ("fraction", "past_s", "said"),
+    [
+        (0.0, 0.0, "About 4 min left, by estimate"),
+        (0.01, 60.0, "About 3 min left, by estimate"),
+        (0.04, 200.0, "About 40 s left, by estimate"),
+        (0.04, 241.0, "Estimate 4 min; may take 12 min"),
+        (0.02, 721.0, "Longer than the estimate of 4 min"),
+        (0.5, 60.0, "1:00 left"),  # measured
+    ],
+)
+def test_an_estimate_is_told_until_the_progress_shows_the_time(scene, running, fraction, past_s, said):
+    """For minutes the panel said only that the first pair was starting."""
+    running.expected, running.started, running.fraction = jobs.Expectation(240.0, 3.0), 130.0 - past_s, fraction
+    assert running.shown[1] == said
+    assert len(said) <= LINE
+    assert running.brief.endswith(said)
+    running.process.cancelled = True
+    assert "estimate" not in running.shown[1].lower()
+
+
+def test_what_a_stopped_job_left_is_told_where_its_progress_was(scene, running, monkeypatch):
+    running.process.cancelled, running.process.left = True, False
+    running.if_stopped = "finished pairs are kept"
+    session.job = None
+    session.note_end(running)
+    record = drawn(sidebar.ICYMOON_PT_main)
+    labels = [entry[2].get("text") for entry in record if entry[0] == "label"]
+    place = labels.index("Render Stereo Pair: stopped")
+    assert labels[place + 1] == "Finished pairs are kept"
+    running.process.left = True  # it goes on in the background
+    session.note_end(running)
+    assert "Finished pairs" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    session.ended = session.remains = ""
+
+
 def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
     def count_lines() -> int:
         layout = Layout()
@@ -419,9 +455,14 @@ def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
         return sum(entry[0] in ("label", "progress") for entry in layout.record)
 
     during = count_lines()
-    for session.job, session.ended in ((None, ""), (None, "Render Stereo Pair: done")):
+    session.job = None
+    for session.ended, session.remains in (
+        ("", ""),
+        ("Render Stereo Pair: done", ""),
+        ("Render Stereo Pair: stopped", "Finished pairs are kept"),
+    ):
         assert count_lines() == during
-    session.ended = ""
+    session.ended = session.remains = ""
 
 
 def test_a_build_is_shown_while_it_runs_in_the_same_room(scene, monkeypatch):
@@ -739,10 +780,43 @@ def first_label(scene, tmp_path, *rows):
     return labels_of_results(scene, tmp_path, *rows)[0][0]
 
 
+@pytest.mark.parametrize(
+    ("doubt", "said"),
+    [(0.018, "Too close to call: SGBM 44.2 %, StereoBM 45.9 % wrong"), (0.016, "Fewest wrong: SGBM, 44.2 %")],
+)
+def test_a_difference_that_noise_may_make_is_too_close_to_call(doubt, said):
+    """The panel named a winner above the warning that noise decides."""
+    rows = [ranked("sgbm", 0.442), ranked("bm", 0.459)]
+    assert results.describe_verdict(rows, doubt) == said
+
+
+@pytest.mark.parametrize("shown", ["SGBM", "StereoBM", "another"])
+def test_the_colours_are_explained_below_the_button_that_paints_them(scene, tmp_path, monkeypatch, shown):
+    """The legend was below all matchers, out of sight of the button."""
+    monkeypatch.setattr(error_table.painted_errors, "make_legend", lambda scene: (("Too far, red: 1 %", "NONE"),))
+    monkeypatch.setattr(error_table.painted_errors, "find_title", lambda scene: shown)
+    evaluated(scene, tmp_path, ranked("sgbm", 0.1), ranked("bm", 0.3))
+    record = drawn(sidebar.ICYMOON_PT_results)
+    painting = [k for k, entry in enumerate(record) if entry[:2] == ("operator", "icymoon.paint_errors")]
+    (legend,) = (k for k, entry in enumerate(record) if "Too far, red" in str(entry))
+    (slider,) = (k for k, entry in enumerate(record) if entry[:2] == ("prop", "icymoon.error_range_m"))
+    assert painting[0] < painting[1]
+    assert slider < legend
+    assert (legend < painting[1]) == (shown == "SGBM")
+    assert legend > painting[0]
+
+
+def test_the_panel_says_above_the_table_what_is_wrong(scene, tmp_path):
+    labels = [label for label, _ in labels_of_results(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1))]
+    assert labels.index("Wrong: off by over 1 px, or missing") < labels.index("Wrong")
+
+
 def test_the_verdict_is_the_first_line_of_the_results(scene, tmp_path):
     assert first_label(scene, tmp_path, ranked("bm", 0.35)) == "StereoBM: 35.0 % wrong"
     undecided = ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2)
-    assert first_label(scene, tmp_path, *undecided) == "Fewest wrong: SGBM, 10.0 %"
+    assert first_label(scene, tmp_path, *undecided) == "Too close to call: SGBM"
+    assert first_label(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1)) == "Fewest wrong: SGBM, 10.0 %"
+    assert first_label(scene, tmp_path, ranked("bm", 0.1), ranked("sgbm", 0.1)).startswith("Too close to call")
     decided = ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2), ranked("jplv", 0.2, 1, 2)
     assert first_label(scene, tmp_path, *decided) == "Best: SGBM, 10.0 % wrong"
     nothing = {**ranked("igev", 1.0), "n": 0}

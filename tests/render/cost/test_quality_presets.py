@@ -9,7 +9,12 @@ import pytest
 from icymoon.render.cost.blender_abilities import Abilities
 from icymoon.render.cost.estimate import estimate_prior_spread, estimate_work
 from icymoon.render.cost.machine_speed import to_wall_seconds
-from icymoon.render.cost.quality_presets import QualityPreset, estimate_pair_seconds, list_qualities
+from icymoon.render.cost.quality_presets import (
+    QualityPreset,
+    estimate_pair_seconds,
+    estimate_render_seconds,
+    list_qualities,
+)
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load_preset, preset_names, read_preset_header
 from icymoon.settings.toml_text import read_toml
@@ -113,6 +118,34 @@ def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_
     # Ground that cannot be baked is traced, with many samples.
     traced: dict[str, Any] = {"surface": {"model": "PRINCIPLED"}}
     assert seconds("many_headings", traced) > 3 * seconds("many_headings")
+
+
+def test_a_render_takes_the_time_of_its_pairs_and_of_the_build_and_of_light_that_they_share():
+    def seconds(headings: int, speed: Any = None, **quality: Any) -> float:
+        parts = {"quality": quality, "dataset": {"headings": headings}}
+        made = merged(defaults(), LAMBERT, load_preset("qualities/many_headings"), parts)
+        return estimate_render_seconds(made, speed)[0]
+
+    slow = stand_in(factor=3.0, busy=1.0)
+    fast = stand_in(factor=1.0, busy=1.0)
+    for indirect in ("TRACED", "BAKED"):
+        first, second, third = (seconds(n, indirect=indirect) for n in (1, 2, 3))
+        assert 0 < second - first == pytest.approx(third - second)
+        assert first > second - first  # the process starts and builds once
+        assert seconds(1, slow, indirect=indirect) == pytest.approx(3 * seconds(1, fast, indirect=indirect))
+    more = [seconds(n, indirect="BAKED", bake_samples=1024) - seconds(n, indirect="BAKED") for n in (1, 2)]
+    assert more[0] > 0
+    assert more[1] == pytest.approx(more[0])  # baked once for all headings
+    own = [
+        seconds(n, indirect="BAKED", bake_area="VIEW", bake_samples=1024)
+        - seconds(n, indirect="BAKED", bake_area="VIEW")
+        for n in (1, 2)
+    ]
+    assert own[1] == pytest.approx(2 * own[0])
+
+
+def test_a_render_is_as_uncertain_as_a_pair():
+    assert estimate_render_seconds(defaults(), None)[1] == estimate_pair_seconds(defaults(), 1e6, None)[1] > 1
 
 
 @pytest.mark.parametrize("name", preset_names("qualities"))

@@ -99,6 +99,7 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
             "taken": 0.0,
             "safe_lost": 1.0,
             "lost_by": {"known": 1.0},
+            "refused_by": {"known": 0.3, "slope": 0.7},
             "roc": None,
             "base_rate": 0.9,
             "chosen": None,
@@ -124,11 +125,44 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
         assert [note.split(",")[0] for note in notes] == (
             ["The left image of 1 of 1 pair shows no cell in reach"] if completeness is None else []
         )
-    assert head[0].endswith("no site looks safe, although 90 of 100 are safe (1 scene).")
+    why = "mainly because it looks too steep (70 of 100 sites)"
+    assert head[0].endswith(f"no site looks safe, {why}, although 90 of 100 are safe (1 scene).")
     found[0]["numbers"]["sites"] |= {"base_rate": 0.0, "safe_lost": None, "no_site": None}
     head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
     assert head[0].startswith("No site is safe by the rules; with the true depth")
+    assert head[0].endswith(f"no site looks safe, {why} (1 scene).")
+    del found[0]["numbers"]["sites"]["refused_by"]  # as an earlier version wrote it
+    head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
     assert head[0].endswith("no site looks safe (1 scene).")
+
+
+@pytest.mark.parametrize(
+    ("lost_by", "told"),
+    [
+        ({"slope": 0.1, "roughness": 0.39}, "and 49 of 100 safe ones are lost; it"),
+        (
+            {"slope": 0.1, "roughness": 0.5},
+            "and 60 of 100 safe ones are lost, mainly because it looks too rough (50 of 100 safe ones); it",
+        ),
+    ],
+)
+def test_the_main_reason_is_told_where_most_safe_ground_is_lost(lost_by, told):
+    sites = {
+        "false_safe": 0.1,
+        "taken": 0.4,
+        "safe_lost": sum(lost_by.values()),
+        "lost_by": lost_by,
+        "refused_by": {"known": 0.6},
+        "roc": None,
+        "base_rate": 0.9,
+        "chosen": [1, 1],
+        "unsafe_choice": 0.0,
+        "no_site": 0.0,
+        "cells": [9, 9, 0, 0],
+    }
+    row = {"pair": "a", "method": "bm", "status": "ok", "numbers": {"dem": {"completeness": 0.9}, "sites": sites}}
+    facts = [{"pair": "a", "scene": "a", "sun_elevation_deg": 35.0, "exact": True, "arm": {"kind": "PARAMETRIC"}}]
+    assert told in make_head_sentences(summarise([row], facts, ["bm"]), facts)[0]
 
 
 def test_what_the_true_depth_loses_is_told_with_its_reasons():

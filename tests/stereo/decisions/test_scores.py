@@ -133,6 +133,7 @@ def test_marginal_sites_are_apart_from_dangerous_ones():
     assert (found["chosen_margin"], found["chosen_true_margin"]) == (0.5, pytest.approx(-0.1))
     assert score_sites(sites(margin), truth, ALL)["dangerous_choice"] == 1.0  # without a tolerance
     assert found["lost_by"] == {"slope": found["safe_lost"]}  # code 2
+    assert found["refused_by"] == {"slope": pytest.approx(1 - found["taken"])}
 
 
 def test_an_unknown_truth_is_dangerous_and_not_infinite_in_files():

@@ -37,6 +37,16 @@ def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
     assert not with_noise((CLEAN, 0.001))
 
 
+def test_a_mean_is_in_doubt_by_the_mean_of_the_pairs_doubts():
+    """A noisy pair among many clean ones changes their mean by little."""
+    notes = Notes(parse_methods("bm"))
+    assert notes.noise_doubt == 0
+    part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
+    for verdict, doubt in ((DECIDES, 0.12), (DECIDES, 0.2), (NOISY, 0.02), (CLEAN, 0.001)):
+        notes.add_pair({"noise": {"verdict": verdict, "lit": part, "shadow": part, "doubt": doubt}})
+    assert notes.noise_doubt == pytest.approx((0.12 + 0.2) / 4)
+
+
 def test_only_what_makes_results_doubtful_is_a_doubt():
     part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
     baked = {"noise": 0.02, "share": 0.3, "bound": 0.05}
