@@ -39,6 +39,6 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
 
 def register() -> None:
     """Register the BSDF ``icymoon_snow`` in Mitsuba, for the selected variant."""
-    from mitsuba_hapke import register_law
+    from mitsuba_hapke import register_bsdf
 
-    register_law("icymoon_snow", lambda props: {"albedo": float(props.get("albedo", 0.9))}, brdf)
+    register_bsdf("icymoon_snow", lambda props: {"albedo": float(props.get("albedo", 0.9))}, brdf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import math
 import os
@@ -23,6 +24,7 @@ from icymoon.stereo.export import mitsuba
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
 
+ADAPTERS = ROOT / "stereo" / "adapters"
 PLANET = {
     "light": {
         "planet": True,
@@ -185,6 +187,21 @@ for kind in ("1981", "1993", "2002"):
         assert np.median(np.abs(theirs / ours - 1)) < 2e-6, (kind, theta)
 print("ok")
 """
+
+
+def test_the_files_for_mitsuba_find_what_they_take_from_each_other():
+    """They are copied into exports and import each other by their bare names, which no type checker follows."""
+    trees = {path.stem: ast.parse(path.read_text("utf-8")) for path in ADAPTERS.glob("*.py")}
+    taken = [
+        (node.module, alias.name)
+        for tree in trees.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and not node.level and node.module in trees
+        for alias in node.names
+    ]
+    assert ("mitsuba_hapke", "register_bsdf") in taken
+    for module, name in taken:
+        assert name in {getattr(node, "name", "") for node in trees[module].body}, (module, name)
 
 
 SNOW = """
