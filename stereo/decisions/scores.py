@@ -12,9 +12,9 @@ import numpy as np
 from ...support.arrays import Array
 from .safe_sites import RULE_NAMES, Sites, choose_site
 
-#: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
+#: False-positive rates at which a ROC curve is sampled: shares of the unsafe cells that are taken for safe.
 ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
-#: Margins at which the taken cells are counted, from the strictest on. They are fixed before any ground is seen.
+#: Margins from which on the taken cells are counted, the strictest first. They are fixed before any ground is seen.
 THRESHOLDS = tuple(round(1 - k / 100, 2) for k in range(101))
 #: Rounding of a margin that does not make a site dangerous.
 _ROUNDING = 1e-12
@@ -23,10 +23,10 @@ _ROUNDING = 1e-12
 def score_sites(
     found: Sites, truth: Sites, among: Array, tolerance: float = 0.0, offered: Array | None = None
 ) -> dict[str, Any]:
-    """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
+    """Score a suitability map against the true one over the cells ``among``; None where a number is undefined.
 
     A site is chosen from the cells ``offered``, by default ``among``. They should not depend on the truth, which no
-    lander knows: a site that is out of reach in truth, or of unknown truth, is then unsafe, and not forbidden.
+    lander knows. So a site that is out of reach in truth, or of unknown truth, is unsafe, but may be chosen.
 
     * ``base_rate``: share of safe cells, which is the average precision of a random guess.
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
@@ -34,15 +34,15 @@ def score_sites(
     * ``dangerous``: of the taken cells, the share that misses a limit by more than the share ``tolerance`` of it. Other
       unsafe cells are marginal.
     * ``lost_by``: of the safe cells, the shares that are not taken, by the first rule that fails.
-    * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
+    * ``average_precision`` and ``roc_area`` of the margin as a score; ``roc``: the share of safe cells taken at the
       shares ``ROC_FALSE_SAFE_SHARES`` of unsafe ones.
     * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
     * ``unsafe_choice``: 1 if the chosen site is unsafe, else 0; ``no_site``: 1 if no site is chosen although the truth
       has a safe one, else 0. ``dangerous_choice``: 1 if the chosen site is dangerous, else 0.
-    * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true one,
+    * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true margin,
       ``chosen_true_margin``; ``best``: the safe site with the largest true margin.
-    * ``taken_from`` and ``unsafe_from``: numbers of offered and taken cells with at least each margin of
-      ``THRESHOLDS``, and of the unsafe ones among them; ``offered``: number of offered cells.
+    * ``taken_from`` and ``unsafe_from``: by margin of ``THRESHOLDS``, the number of offered and taken cells with at
+      least this margin, and the number of unsafe ones among them; ``offered``: number of offered cells.
     * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
@@ -63,9 +63,10 @@ def score_sites(
 
 
 def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
-    """Average precision, ROC area and the ROC curve at ``ROC_FALSE_SAFE_SHARES`` of scores (n,) and truth (n,).
+    """Return the average precision, the ROC area and the ROC curve of scores (n,) against the truth ``positive`` (n,).
 
-    Equal scores are one step of the curves. None if all or none are positive.
+    The curve is sampled at ``ROC_FALSE_SAFE_SHARES``. Equal scores are one step of the curves. Values are None if all
+    or none are positive.
     """
     total = int(positive.sum())
     if total in (0, positive.size):
@@ -85,12 +86,12 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
 
 
 def is_within_tolerance(margin: Array, tolerance: float) -> Array:
-    """Whether margins are at least minus the tolerance, but for rounding."""
+    """Return whether margins are at least minus the tolerance, apart from rounding."""
     return np.asarray(margin >= -tolerance - _ROUNDING)
 
 
 def _count_lost_by_rule(failed: Array, safe: int) -> dict[str, float]:
-    """The shares of the safe cells that are lost, by the name of the first rule that fails."""
+    """Return the shares of the safe cells that are lost, by the name of the first rule that fails."""
     counts = np.bincount(failed.astype(np.intp), minlength=len(RULE_NAMES) + 1)[1:]
     return {name: float(count) / safe for name, count in zip(RULE_NAMES, counts, strict=True) if count and safe}
 
