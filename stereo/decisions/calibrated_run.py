@@ -57,7 +57,10 @@ class CalibratedRun:
     used: Calibration | None = None
 
     def judge(self, rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], Verdicts]:
-        """Return the rows and the verdicts of the run. If a calibration is used, each row has the entry ``guarantee``."""
+        """Return the rows and the verdicts of the run.
+
+        If a calibration is used, each row has the entry ``guarantee``.
+        """
         plain = [dict(row) for row in rows]
         if self.used is not None:
             marked, guarantee = apply_calibration(self.used, plain, self.stated)

@@ -1,4 +1,6 @@
-"""Uses a calibration: finds which chosen sites are guaranteed, where a lander abstains, and how often a site is unsafe."""
+"""Uses a calibration: finds the guaranteed sites, the grounds on which a lander abstains, and the share of unsafe
+sites.
+"""
 
 from __future__ import annotations
 

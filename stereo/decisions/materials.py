@@ -110,7 +110,7 @@ def _find_salt_share(channels: Array, settings: Settings) -> Array:
 
 
 def _compute_channel_signals(bands: Bands, settings: Settings) -> Array:
-    """Compute the signals of a camera's channels for sunlit ground with these reflectances, relative to white ground."""
+    """Compute the signals of a camera's channels for sunlit ground of these reflectances, relative to white ground."""
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     light: Any = np.array(bands) * sun_colour(settings.light.sun_temperature_k)
     return np.array([plane[0, 0] for plane in channels.planes(light[None, None])]) * channels.gains

@@ -373,7 +373,7 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
 
 
 def _format_interval(entry: Mapping[str, Any], key: str) -> str:
-    """Format the interval of a share over scenes, such as ' (29 to 71)'; empty without an interval, as for one scene."""
+    """Format the interval of a share over scenes, such as ' (29 to 71)'; empty without an interval."""
     low, high = entry["intervals"][key]
     if low is None or high is None:
         return ""

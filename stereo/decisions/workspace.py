@@ -367,7 +367,7 @@ def find_ground_pixels(prepared: PreparedPair) -> Array:
 
 
 def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
-    """Find the ground pixels (H, W) whose matching window contains no lander. A lander knows the position of its arm."""
+    """Find the ground pixels (H, W) whose matching window contains no lander. A lander knows where its arm is."""
     lander = (~find_ground_pixels(prepared)).astype(np.uint8)
     side = 2 * _LANDER_MARGIN_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
