@@ -1,4 +1,4 @@
-"""icynet as an ONNX file: images of any size and search ranges of any width, by ONNX Runtime without PyTorch."""
+"""Exports icynet as an ONNX file, for images and search ranges of any size, by ONNX Runtime without PyTorch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class _AtLevels(nn.Module):
 
 
 def export_onnx(network: IcyNet) -> bytes:
-    """The bytes of an ONNX file of the network in use: its normalisation by batches is a part of its convolutions.
+    """Return the bytes of an ONNX file of the network in use: its batch normalisation is a part of its convolutions.
 
     Raises IcyMoonError without the package onnx.
     """
