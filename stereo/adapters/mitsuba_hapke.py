@@ -118,7 +118,7 @@ def register_bsdf(
     import drjit as dr
     import mitsuba as mi
 
-    class Law(mi.BSDF):
+    class ReflectanceLaw(mi.BSDF):
         """The BSDF; black from below."""
 
         def __init__(self, props: mi.Properties) -> None:
@@ -174,4 +174,4 @@ def register_bsdf(
             """Return the text for Mitsuba's messages."""
             return f"{plugin}[{self.q}]"
 
-    mi.register_bsdf(plugin, Law)
+    mi.register_bsdf(plugin, ReflectanceLaw)

@@ -83,20 +83,20 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     ):
         there = {each.topic: each for each in reader.connections if each.msgtype in _POSE_PATHS}
         moving = [name for name in there if name != _STATIC_TOPIC] or list(there)
-        chosen = _choose(bag, "topic", topic, list(there) if topic else moving)
+        chosen = _choose_name(bag, "topic", topic, list(there) if topic else moving)
         topics = {chosen, _STATIC_TOPIC} if there[chosen].msgtype == _TRANSFORMS_TYPE else {chosen}
         found: dict[str, _Frame] = {}
         fixed: set[str] = set()
         for connection, _, raw in reader.messages([each for each in reader.connections if each.topic in topics]):
             for each in _read_message(reader.deserialize(raw, connection.msgtype), connection.msgtype):
-                _add(found, *each)
+                _add_pose(found, *each)
                 if connection.topic != chosen:
                     fixed.add(each[0])
                 if len(found[each[0]].poses) > MAX_POSES:
                     raise IcyMoonError(f"{bag}: {chosen} has more than {MAX_POSES} poses; cut it into several bags.")
     if frame and list(found) == [""]:
         raise IcyMoonError(f"{bag}: {chosen} has poses without the name of a moving frame; leave out --frame.")
-    name = _choose(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])
+    name = _choose_name(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])
     base, on_base = _find_moving_frame(name, found)
     _refuse_moving_parent(bag, name, base, found)
     poses = found[base].poses
@@ -104,7 +104,7 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     return BagPoses(stamps, [poses[stamp] @ on_base for stamp in stamps], name, found[base].parent)
 
 
-def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
+def _add_pose(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
     """Add a pose to ``found``. Raises ValueError if it contradicts the other poses of its frame."""
     frame = found.setdefault(name, _Frame(parent))
     what = shorten(name) or "its topic"
@@ -144,7 +144,7 @@ def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _
     )
 
 
-def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
+def _choose_name(bag: Path, what: str, stated: str, there: list[str]) -> str:
     """Return the name that the user ``stated``, or the only name in ``there``.
 
     Raises IcyMoonError if both are missing.

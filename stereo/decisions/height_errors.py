@@ -34,7 +34,7 @@ _LEAST = 1e-6
 
 
 @dataclass(frozen=True)
-class Shape:
+class ErrorShape:
     """Errors of a map up to a scale, arrays (rows, columns), NaN where unknown.
 
     Heights and roughness are in m, slopes in degrees.
@@ -53,7 +53,7 @@ class Shape:
         }
 
 
-def state_shape(dem: Dem, errors: CellErrors, slope_deg: Array, disc_m: float) -> Shape:
+def state_shape(dem: Dem, errors: CellErrors, slope_deg: Array, disc_m: float) -> ErrorShape:
     """Return the errors of a map up to a scale.
 
     By least squares a slope errs by √(σ²/(nq)) along its direction, where σ² is the mean variance of the heights under
@@ -65,7 +65,7 @@ def state_shape(dem: Dem, errors: CellErrors, slope_deg: Array, disc_m: float) -
     rise = np.sqrt(noise / (effective * average_square_coordinate(disc_m, dem.grid.cell_m)))
     variance = np.where(errors.filled, errors.filled_variance_m2, errors.variance_m2)
     found = np.sqrt(variance), np.degrees(rise * np.cos(np.radians(slope_deg)) ** 2), np.sqrt(noise)
-    return Shape(*(np.maximum(each, _LEAST) for each in found))
+    return ErrorShape(*(np.maximum(each, _LEAST) for each in found))
 
 
 def count_errors(error: Array, shape: Array, among: Array) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def compute_white_radiance(images: DevelopedImages, settings: Settings) -> Array
     return np.where(seen < top, (seen - black) / (top - black) * images.saturation_radiance, np.nan)
 
 
-def measure(
+def measure_materials(
     white: Array,
     position_m: Array,
     index: Array,

@@ -297,7 +297,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
         if not pairs:
             continue
         numbers = np.array([[of.get((pair, matcher), math.nan) for matcher in matchers] for pair in pairs])
-        values = np.stack([typical_scene.subtract(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
+        values = np.stack([typical_scene.find_differences(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
         family = typical_scene.compare_in_typical_scene(average_by_scene(values, scenes), seed)
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:

@@ -131,15 +131,15 @@ def measure_layers(
 def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     """Return the suitability map of layers by rules."""
     margins = [
-        _margin_of_share(layers.known_share, rules.known_share),
-        _margin_below(layers.slope_deg, rules.slope_deg),
-        _margin_below(layers.roughness_m, rules.roughness_m),
-        _margin_above(layers.rock_distance_m, rules.rock_distance_m),
-        _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
-        _limit_margin(_margin_of_share, layers.lit_share, rules.lit_share or None),
-        _limit_margin(_margin_of_share, layers.albedo, rules.least_albedo),
-        _limit_margin(_margin_below, layers.albedo, rules.most_albedo),
-        _limit_margin(_margin_of_share, layers.salt_share, rules.salt_share),
+        _measure_margin_of_share(layers.known_share, rules.known_share),
+        _measure_margin_below(layers.slope_deg, rules.slope_deg),
+        _measure_margin_below(layers.roughness_m, rules.roughness_m),
+        _measure_margin_above(layers.rock_distance_m, rules.rock_distance_m),
+        _measure_margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
+        _measure_optional_margin(_measure_margin_of_share, layers.lit_share, rules.lit_share or None),
+        _measure_optional_margin(_measure_margin_of_share, layers.albedo, rules.least_albedo),
+        _measure_optional_margin(_measure_margin_below, layers.albedo, rules.most_albedo),
+        _measure_optional_margin(_measure_margin_of_share, layers.salt_share, rules.salt_share),
     ]
     margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
@@ -151,22 +151,24 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     )
 
 
-def _limit_margin(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
+def _measure_optional_margin(
+    margin: Callable[[Array, float], Array], value: Array | None, limit: float | None
+) -> Array:
     """Return the margin of a value to a limit: infinite without a limit, NaN without a value."""
     if limit is None:
         return np.array(np.inf)
     return np.array(np.nan) if value is None else margin(value, limit)
 
 
-def _margin_below(value: Array, limit: float) -> Array:
+def _measure_margin_below(value: Array, limit: float) -> Array:
     return (limit - value) / limit
 
 
-def _margin_above(value: Array, limit: float) -> Array:
+def _measure_margin_above(value: Array, limit: float) -> Array:
     return (value - limit) / limit
 
 
-def _margin_of_share(value: Array, limit: float) -> Array:
+def _measure_margin_of_share(value: Array, limit: float) -> Array:
     """Return the margin of a share: 0 at its ``limit``, 1 at a share of 1.
 
     In units of the limit, completely known ground would have a margin of 0.11 at a limit of 0.9. This would be the
@@ -231,7 +233,8 @@ def _find_crossings(
 
 
 def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
-    """Interpolate for each cell the height ``rows`` and ``columns`` away, of which at least one is a whole number.
+    """Interpolate for each cell the height ``rows`` and ``columns`` away, where at least one of the two is a whole
+    number.
 
     The height is linear between two cells, minus infinity if one of them is unknown or beyond the border.
     """

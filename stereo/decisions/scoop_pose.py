@@ -82,7 +82,7 @@ def _find_best_start(surface: Array, points: Array) -> Array:
     turns = [rotation_about(sign * axis, math.radians(_START_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
     starts = [np.eye(4), moved, *(moved @ rigid_transform(each, np.zeros(3)) for each in turns)]
     reached = [_fit_motion(surface, few, start, _START_STEPS)[0] for start in starts]
-    misfits = np.array([_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
+    misfits = np.array([_measure_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
     return reached[best if misfits[best] < _BETTER_START_SHARE * misfits[0] else 0]
 
@@ -101,7 +101,7 @@ def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tup
     return motion, left
 
 
-def _rms_distance_m(surface: Array, points: Array) -> float:
+def _measure_rms_distance_m(surface: Array, points: Array) -> float:
     """Measure the RMS distance, m, of points (m, 3) from a surface (n, 6), each limited to ``_MAX_MISFIT_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T

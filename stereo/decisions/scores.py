@@ -124,13 +124,13 @@ def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float, of
 def _count_by_margin(found: Sites, truth: Sites, offered: Array) -> dict[str, Any]:
     taken = offered & found.safe
     return {
-        "taken_from": _count_from(found.margin[taken]),
-        "unsafe_from": _count_from(found.margin[taken & ~truth.safe]),
+        "taken_from": _count_margins(found.margin[taken]),
+        "unsafe_from": _count_margins(found.margin[taken & ~truth.safe]),
         "offered": int(offered.sum()),
     }
 
 
-def _count_from(margin: Array) -> list[int]:
+def _count_margins(margin: Array) -> list[int]:
     """Count the margins (n,) that are at least each of ``THRESHOLDS``."""
     below = np.searchsorted(np.sort(margin), THRESHOLDS, side="left")
     return [int(margin.size - count) for count in below]

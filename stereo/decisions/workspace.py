@@ -23,13 +23,13 @@ from ..measure.prepare_pair import PreparedPair
 from .cell_errors import CellErrors, fill_gaps, measure_sampling_variance, state_errors
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import average_under_footprint, fit_planes
-from .height_errors import Shape, count_errors, state_shape
+from .height_errors import ErrorShape, count_errors, state_shape
 from .joint_margin import find_joint_margins_deg
 from .materials import (
     Materials,
     compute_white_radiance,
     make_true_materials,
-    measure,
+    measure_materials,
     refuse_lamps,
     scale_sun_irradiance,
 )
@@ -148,7 +148,7 @@ def _find_place(prepared: PreparedPair) -> tuple[Pair, Array]:
 
 
 def _find_seen_points(prepared: PreparedPair, pair: Pair, pose: Array) -> Array:
-    """Find the points (n, 3), m, of the ground that the left image shows. Raises IcyMoonError if there are none."""
+    """Find the points (n, 3), m, of the ground that the left image shows. Raises IcyMoonError if it shows no ground."""
     known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
     points, _ = back_project_depth(known, pair.camera.rectified, pose)
     if not len(points):
@@ -177,7 +177,7 @@ def decide_from_depth(
     ground = np.where(_find_pixels_apart_from_lander(workspace.prepared), depth_m, np.nan)
     position, index = back_project_depth(ground, workspace.pair.camera.rectified, pose)
     rules = workspace.rules
-    dem, errors = _make_stated_dem(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
+    dem, errors = _make_dem_with_errors(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
     margin = _find_joint_margins(workspace.pair, pose, dem)
     bright = find_lit_pixels(workspace.prepared, rules.site.lit_level).astype(np.float64)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
@@ -186,7 +186,7 @@ def decide_from_depth(
     return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules), errors)
 
 
-def _make_stated_dem(
+def _make_dem_with_errors(
     workspace: Workspace, position: Array, depth_m: Array, pose: Array, disparity_error_px: float
 ) -> tuple[Dem, CellErrors]:
     """Make the elevation model of points (n, 3), m, with depths (n,), m, and fill its small gaps.
@@ -263,7 +263,7 @@ def measure_features(workspace: Workspace, found: DecisionMaps) -> dict[str, flo
     }
 
 
-def state_map_errors(workspace: Workspace, found: DecisionMaps) -> Shape:
+def state_map_errors(workspace: Workspace, found: DecisionMaps) -> ErrorShape:
     """Return the errors of a map up to the scale of its matcher."""
     assert found.errors is not None
     return state_shape(found.dem, found.errors, found.sites.layers.slope_deg, workspace.rules.site.disc_m)
@@ -424,7 +424,7 @@ def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m
     white = compute_white_radiance(prepared.images, settings)
     white = np.where(bright.reshape(bright.shape + (1,) * (white.ndim - 2)) > 0, white, np.nan)
     planes = fit_planes(dem.height_m, dem.grid.cell_m, workspace.rules.site.disc_m)
-    return measure(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
+    return measure_materials(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:

@@ -84,7 +84,7 @@ def compute_energy(numbers: Mapping[str, Any], suite: Suite, costs: Costs) -> di
     }
 
 
-def collect(design: Design, rows: _Rows) -> Measured:
+def collect_numbers(design: Design, rows: _Rows) -> Measured:
     """Collect the numbers of rows by ground and suite."""
     names = [suite.name for suite in design.suites]
     whole = [ground for ground, own in rows.items() if all(own[name]["status"] == "ok" for name in names)]

@@ -79,8 +79,8 @@ def place_camera(ground: Ground, lander: Settings) -> Array:
     return np.array([*ground.recipe.place_m, ground.height_m + lander.rig.height_m])
 
 
-def look(ground: Ground, lander: Settings, light: Lighting) -> View:
-    """Return the view of a lander that stands on the ground."""
+def make_view(ground: Ground, lander: Settings, light: Lighting) -> View:
+    """Make the view of a lander that stands on the ground."""
     rig, camera = lander.rig, StereoCamera.from_settings(lander.rig)
     axes, position = camera_axes(rig.heading_deg, rig.pitch_deg), place_camera(ground, lander)
     left, right = (
@@ -119,7 +119,7 @@ def prepare_made_pair(
 
     ``random`` draws the noise of the rays; the noise of the sensor follows from the settings.
     """
-    view = look(ground, lander, light)
+    view = make_view(ground, lander, light)
     depth, hidden = trace_truth(ground, view)
     pair = state_pair(ground.recipe, lander, view)
     images = _render_images(ground, pair, view, rays_per_pixel, random)
@@ -154,7 +154,7 @@ def prepare_pair_again(
     The fixed pattern of the sensor stays.
     """
     lander = merged(prepared.facts["settings"], {"sensor": {"noise_seed": noise_seed}})
-    view = look(ground, lander, light)
+    view = make_view(ground, lander, light)
     pair = state_pair(ground.recipe, lander, view)
     images = _render_images(ground, pair, view, rays_per_pixel, random)
     left, right = images.for_matchers()

@@ -19,7 +19,7 @@ from ..decisions.rules import Rules
 from ..decisions.workspace import Workspace, decide_from_depth, make_workspace
 from ..fusion.match_prepared import list_method_inputs
 from ..fusion.suns import join_disparities
-from ..learning.grounds import Ground, Recipe, Variety, build_ground, close_ground, make_split_generator
+from ..learning.grounds import Ground, Recipe, Variety, build_ground, make_split_generator, release_ground
 from ..learning.made_pairs import draw_light
 from ..learning.radiance import Lighting
 from ..matchers.resident_process import stop_residents
@@ -173,7 +173,7 @@ class _OpenGround:
 
     def close(self) -> None:
         """Free the memory of the triangles."""
-        close_ground(self._ground)
+        release_ground(self._ground)
 
     def measure(self, suite: Suite) -> dict[str, Any]:
         """Measure the numbers of a suite, see ``_NUMBERS_SHAPE``.

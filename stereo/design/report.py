@@ -34,7 +34,7 @@ from .compare_suites import (
     STABLE_TAU,
     TIME,
     Measured,
-    collect,
+    collect_numbers,
     compare,
     compare_rankings,
     compute_energy,
@@ -100,7 +100,7 @@ def write_design(out: Path, study: Study, rows: Sequence[_Row], seed: int) -> di
 def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]:
     """Make the content of ``design.json``."""
     design = study.design
-    own, landforms = (collect(design, group_split_rows(rows, split)) for split in (OWN, LANDFORM))
+    own, landforms = (collect_numbers(design, group_split_rows(rows, split)) for split in (OWN, LANDFORM))
     bounds = compare(own)
     ranked = len(design.suites) > 2 and landforms.grounds and own.grounds
     ranking = compare_rankings(own.loss, landforms.loss, seed) if ranked else None

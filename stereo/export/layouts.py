@@ -306,7 +306,7 @@ def _make_middlebury_calibration(pair: LoadedPair) -> str:
 def _write_coco(each: Each, out: Path) -> None:
     categories = [{"id": k, "name": SEMANTIC_NAMES[k], "supercategory": "thing"} for k in THINGS]
 
-    def fill(part: Path) -> None:
+    def write_annotations(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(
                 f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
@@ -315,7 +315,7 @@ def _write_coco(each: Each, out: Path) -> None:
             images = _write_coco_images(each, out, stream)
             stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
 
-    write_atomically(out / "annotations.json", fill)
+    write_atomically(out / "annotations.json", write_annotations)
 
 
 def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[str, Any]]:

@@ -117,7 +117,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
     prior = _MIN_WRONG + _WRONG_PER_REJECTED * (1 - kept)
     evidence = _gather(stereo, prior, interpolation, points)
     span = max(16.0, float(np.ptp(stereo[there])))
-    level, scale = _spread(evidence, interpolation, span, True)
+    level, scale = _estimate_errors(evidence, interpolation, span, True)
     stereo_px, wrong_px = _measure_stereo(evidence, span)
 
     def fill(values: Array) -> Array:
@@ -126,7 +126,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
     far = _find_distance(points, stereo.shape) / (_FAR * fill(interpolation.find_spacing().clip(1.0)))
     beliefs = _Beliefs((prior * fill(level)).clip(1e-3, 0.98), fill(scale) * far.clip(1.0), stereo_px, wrong_px)
     worse = beliefs.compare(np.where(there, np.abs(stereo - expected), 0.0))
-    level, scale = _spread(evidence, interpolation, span, False)
+    level, scale = _estimate_errors(evidence, interpolation, span, False)
     without = _Beliefs((evidence.rejected * level).clip(1e-3, 0.98), scale, stereo_px, wrong_px)
     found = _find_preference(evidence, without.compare(np.nan_to_num(evidence.between)))
     preference = np.where(far <= 1, found, _PREFERENCES[0])
@@ -152,8 +152,10 @@ def _gather(stereo: Array, prior: Array, interpolation: Interpolation, points: R
     )
 
 
-def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool) -> tuple[Array, Array]:
-    """Return two values at each point, from its neighbours' errors and with ``own`` also its own error.
+def _estimate_errors(
+    evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool
+) -> tuple[Array, Array]:
+    """Estimate two values at each point, from its neighbours' errors and with ``own`` also its own error.
 
     They are the ratio of stereo's wrong disparities to their expected number, and the scale, px, of the interpolation's
     errors.

@@ -121,8 +121,8 @@ def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     return found
 
 
-def subtract(one: Array, other: Array, logarithmic: bool = False) -> Array:
-    """Subtract two arrays, or their logarithms; exactly 0 if they differ only by rounding."""
+def find_differences(one: Array, other: Array, logarithmic: bool = False) -> Array:
+    """Return the differences of two arrays, or of their logarithms; exactly 0 where they differ only by rounding."""
     alike = np.abs(one - other) <= _ROUNDING_SHARE * np.maximum(np.abs(one), np.abs(other))
     apart = np.log(one) - np.log(other) if logarithmic else one - other
     return np.where(alike, 0.0, apart)

@@ -31,7 +31,7 @@ from ..decisions.workspace import DecisionMaps, Workspace, decide_from_depth, ma
 from ..design.default_lander import RAYS_PER_PIXEL
 from ..design.made_workspaces import match_disparity, measure_true_heights, prepare_made_pair
 from ..fusion.suns import join_disparities
-from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
+from ..learning.grounds import Ground, Recipe, build_ground, make_split_generator, release_ground
 from ..learning.radiance import Lighting
 from ..matchers.methods import Method
 from ..matchers.search_range import refuse_true_range
@@ -184,7 +184,7 @@ class LandedDay:
 
     def close(self) -> None:
         """Free the memory of the ground."""
-        close_ground(self._untouched)
+        release_ground(self._untouched)
 
     def __enter__(self) -> Self:
         return self
@@ -352,7 +352,7 @@ class LandedDay:
         try:
             prepared = self._photograph(ground, seen)
         finally:
-            close_ground(ground)
+            release_ground(ground)
         depth = disparity_to_depth(prepared, match_disparity(prepared, self.method)[0])
         after = decide_from_depth(replace(self._workspace, prepared=prepared), depth).dem
         grid = after.grid

@@ -309,10 +309,10 @@ def _mesh_terrain(terrain: Terrain, place_m: tuple[float, float]) -> Placed:
     shortest = rings.spread_to_vertices(2.0 * _SPACING * rings.radius_m, 2.0 * _SPACING * _FIRST_RING_M)
     heights = terrain.heights(x + place_m[0], y + place_m[1], shortest)
     vertices = np.stack([x + place_m[0], y + place_m[1], heights], axis=1).astype(np.float32)
-    return _place(vertices, triangles, GROUND, np.eye(4)[None], smooth=True)
+    return _make_instances(vertices, triangles, GROUND, np.eye(4)[None], smooth=True)
 
 
-def _place(vertices: Array, triangles: Array, label: int, places: Array, smooth: bool) -> Placed:
+def _make_instances(vertices: Array, triangles: Array, label: int, places: Array, smooth: bool) -> Placed:
     """Make a shape with one label, and its instances."""
     count = len(triangles)
     shape = Shape(
@@ -354,7 +354,7 @@ _MAX_ROCKS = 600
 def _place_shapes(shapes: tuple[RockShape, ...], which: Array, matrices: Array, label: int) -> list[Placed]:
     """Make instances (n, 4, 4) of the shapes ``which`` (n,)."""
     return [
-        _place(shape.vertices, shape.triangles, label, matrices[which == k], smooth=not shape.plane.any())
+        _make_instances(shape.vertices, shape.triangles, label, matrices[which == k], smooth=not shape.plane.any())
         for k, shape in enumerate(shapes)
         if (which == k).any()
     ]
@@ -379,7 +379,7 @@ def _place_odd_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
     )
 
 
-def close_ground(ground: Ground) -> None:
+def release_ground(ground: Ground) -> None:
     """Free the memory of a ground's tracer."""
     ground.tracer.close()
 

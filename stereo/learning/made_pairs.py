@@ -35,10 +35,10 @@ from .grounds import (
     Variety,
     build_ground,
     check_split,
-    close_ground,
     draw_recipe,
     draw_sun_elevation_deg,
     make_split_generator,
+    release_ground,
 )
 from .radiance import Lighting, compute_radiance, measure_indirect
 
@@ -132,7 +132,7 @@ class MadePairs:
             for each in range(CROPS_PER_GROUND):
                 yield self.make_sample(ground, number * CROPS_PER_GROUND + each)
         finally:
-            close_ground(ground)
+            release_ground(ground)
 
     def make_sample(self, ground: Ground, number: int) -> dict[str, Any]:
         """Make the sample of this number on its ground, like a sample of ``icymoon.torch.Dataset``, as NumPy arrays.

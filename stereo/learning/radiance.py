@@ -76,7 +76,7 @@ def compute_radiance(
     toward = _draw_on_sun(light, len(met), random)
     radiance[met] = _scatter(law, normal, toward, seen.back, light.irradiance_wm2 * _find_lit(ground, seen, toward))
     if light.lamp is not None:
-        toward, irradiance = _shine(ground, light.lamp, seen)
+        toward, irradiance = _light_by_lamp(ground, light.lamp, seen)
         radiance[met] += _scatter(law, normal, toward, seen.back, irradiance)
     radiance[met] += np.minimum(albedo, 1.0) * indirect[met] / np.pi
     return radiance
@@ -113,7 +113,7 @@ def measure_indirect(
         start, normal = seen.lifted, seen.normal
         gathered[going] += weight * light.irradiance_wm2 * lit * np.maximum(normal @ light.sun, 0.0)
         if light.lamp is not None:
-            toward, irradiance = _shine(ground, light.lamp, seen)
+            toward, irradiance = _light_by_lamp(ground, light.lamp, seen)
             gathered[going] += weight * irradiance * np.maximum(dot_products(normal, toward), 0.0)
     rest = np.zeros(len(gathered))
     rest[going] = weight
@@ -180,7 +180,7 @@ def _find_lit(ground: Ground, seen: _Points, toward: Array, reach: float = _FART
     return lit
 
 
-def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array]:
+def _light_by_lamp(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array]:
     """Return unit vectors (n, 3) from points to a lamp, and the irradiance (n,), W/m², of surfaces that face it.
 
     The irradiance is 0 in shadow.
@@ -194,7 +194,7 @@ def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array
 def _scatter(law: Law, normal: Array, toward: Array, back: Array, irradiance: Array) -> Array:
     """Compute the radiance (n,), W/(m² sr), by light from ``toward`` (n, 3).
 
-    ``irradiance`` (n,) is that of surfaces which face the light.
+    ``irradiance`` (n,), W/m², is for surfaces that face the light.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the light
         return irradiance * np.where(irradiance > 0, law(*_measure_angles(normal, toward, back)), 0.0)

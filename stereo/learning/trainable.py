@@ -54,9 +54,8 @@ ICYNET = Trainable("icynet", IcyNet, _run_icynet)
 
 
 def find_trainable(text: str) -> Trainable:
-    """Find the network of a matcher's name, or of a user's ``MODULE:FUNCTION``.
-
-    Raises IcyMoonError if there is none.
+    """Find the network of a matcher's name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if it does not
+    exist.
     """
     if text == ICYNET.name:
         return ICYNET
