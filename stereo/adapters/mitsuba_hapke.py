@@ -119,7 +119,7 @@ def register_bsdf(
     import mitsuba as mi
 
     class ReflectanceLaw(mi.BSDF):
-        """The BSDF; black from below."""
+        """A BSDF with a reflectance law; black from below."""
 
         def __init__(self, props: mi.Properties) -> None:
             mi.BSDF.__init__(self, props)
@@ -144,7 +144,7 @@ def register_bsdf(
             sample2: mi.Point2f,
             active: mi.Bool = True,
         ) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-            """Sample a direction by the cosine; return it with BRDF times cosine over its density."""
+            """Sample a direction by the cosine. Return it, and the BRDF times cosine over its density."""
             wo = mi.warp.square_to_cosine_hemisphere(sample2)
             found = mi.BSDFSample3f()
             found.wo, found.pdf, found.eta = wo, mi.warp.square_to_cosine_hemisphere_pdf(wo), 1.0

@@ -71,7 +71,7 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     has no poses, if different poses have one stamp, or if the moving frame's parent frame moves too.
     """
     if importlib.util.find_spec("rosbags") is None:
-        raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')
+        raise IcyMoonError('Reading bags needs the package rosbags; pip install "icymoon[ros]".')
     if not bag.exists():
         raise IcyMoonError(f"{bag} is missing; give a bag of ROS 1 (a file) or of ROS 2 (its folder).")
     from rosbags.highlevel import AnyReader

@@ -200,7 +200,7 @@ def _read_png_numbers(image: Array, file: MapFile) -> Array:
         )
     if image.dtype == np.uint8 and file.steps is None:
         raise RefusedError(
-            "is a picture, not a map, unless it is known what it counts; "
+            "is a picture, not a map, unless its steps are stated; "
             + (
                 "write 256 steps per px with 16 bits, or PFM."
                 if file.predicted

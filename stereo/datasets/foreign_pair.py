@@ -325,7 +325,7 @@ def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 
 @dataclass(frozen=True)
 class PhotographedPair:
-    """The facts about a foreign pair that a measurement needs. Its points are in the axes of the left camera."""
+    """A foreign pair as a measurement needs it. Its points are in the axes of the left camera."""
 
     name: str
     folder: Path

@@ -108,7 +108,10 @@ def find_stated_channel(names: Sequence[str], stated: str) -> str:
 
 
 def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> str:
-    """Choose the array of an npz with the name ``kind``, else its only array. Raises RefusedError without either."""
+    """Choose the array of an npz with the name ``kind``, else its only array.
+
+    Raises RefusedError if there is neither.
+    """
     if kind in names:
         return kind
     if len(names) == 1:

@@ -177,7 +177,7 @@ def _make_pair(
     steps, along_ray = data["truth"].get("steps"), data["truth"].get("along") == "ray"
     channel = data["truth"].get("channel")
     if along_ray and kind != "depth":
-        raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
+        raise IcyMoonError(f"{path}: truth.along applies to depths, but the truth has disparities; leave it out.")
     return ForeignPair(
         make_safe_name(name),
         root,

@@ -50,8 +50,7 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
     """Return the pixels (H, W), bool, whose point the right eye sees according to ``mask``.
 
     ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
-    size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
-    reading.
+    size or values that no mask has, if it marks no pixel with a truth, or if it fits the truth only in another reading.
     """
     first = mask.files[0]
     if mask.kind == "known":

@@ -67,7 +67,7 @@ class Goal:
 
     @property
     def fewest_grounds(self) -> int:
-        """The fewest grounds of a group: enough for a threshold, and for the test of likeness."""
+        """The fewest grounds of a group that are enough for a threshold and for the test of likeness."""
         fewest = (
             count_fewest_grounds(self.alpha, self.delta)
             if self.procedure == LEARN_THEN_TEST
@@ -95,7 +95,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GroundLosses:
-    """The decisions of a matcher on the n grounds of a group, at the T thresholds."""
+    """Decisions of a matcher on the n grounds of a group, at the T thresholds."""
 
     grounds: list[str]
     choice: Array  # (n, T), 0 or 1

@@ -1,7 +1,7 @@
 """Excavated volume and depth from two elevation models, and the smallest change that is detectable above the noise.
 
-Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. It is
-measured on null pairs, in which nothing was dug and all noise differs.
+Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. The error
+is measured on null pairs, in which nothing was dug and all noise differs.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def detect_change(
     cell_m: float,
     diameter_m: float,
 ) -> Detection:
-    """Detect the cells that changed beyond the errors of two elevation models (rows, columns) against their truths."""
+    """Detect the cells whose change exceeds the errors of two elevation models (rows, columns) from their truths."""
     sigmas = [
         measure_local_sigma(found - true, cell_m, diameter_m)
         for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))

@@ -1,7 +1,7 @@
 """Progress of an excavation by each matcher: volumes between the elevation models of a series of states.
 
-False changes of a matcher are measured on null pairs: pairs of the same site in which nothing had been dug, each with
-independent noise, and with the jitter of the camera and the Sun of its state.
+False changes of a matcher are measured on null pairs. These are pairs of the same site in which nothing had been dug,
+each with independent noise, and with the jitter of the camera and the Sun of its state.
 """
 
 from __future__ import annotations
@@ -177,9 +177,9 @@ def _find_null_noise(
         return find_volume_noise(volumes), ""
     there = f"{format_count(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (
-        f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
-        f"compared with the first, and it takes {FEWEST_NULL_PAIRS}; render state 0 again with another "
-        "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together"
+        f"{there} it with nothing dug and independent render noise, and {len(volumes)} of them can be compared with "
+        f"the first, but {FEWEST_NULL_PAIRS} are needed; render state 0 again with another Sun or camera, as "
+        "datasets/excavation_nulls does, and decide on both data sets together"
     )
 
 

@@ -1,9 +1,9 @@
 """Albedo and share of salt of a workspace's cells: from the truth, and as a lander measures them in its left image.
 
-A lander knows the light of the Sun, its camera's response and the slopes of its own elevation model. The measured
-albedo assumes Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by area is
-the sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The colours of
-both are known.
+A lander knows the light of the Sun, its camera's response and the slopes of the elevation model that it made. The
+measured albedo assumes Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by
+area is the sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The
+colours of both are known.
 """
 
 from __future__ import annotations
@@ -121,8 +121,8 @@ def refuse_lamps(folder: Path, settings: Settings) -> None:
     lamps, factors = settings.light.lamps, read_factors(settings.light)
     if any(radiant_power_w(lamp) * factor > 0 for lamp, factor in zip(lamps, factors, strict=True)):
         raise IcyMoonError(
-            f"{folder}: an albedo follows from light of one irradiance, and lamps shine too; set light.lamp_scales "
-            "to 0 for each lamp, or leave the rules of albedo and salts out."
+            f"{folder}: an albedo can be measured in sunlight only, and lamps shine too; set light.lamp_scales to 0 "
+            "for each lamp, or leave out the rules of albedo and salts."
         )
 
 

@@ -175,7 +175,8 @@ def write_decisions(
 ) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return the content of the JSON.
 
-    ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
+    ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves are left out of all
+    means.
     """
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))

@@ -76,7 +76,10 @@ def list_pairs(folder: Path, method: str) -> list[str]:
 
 
 def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
-    """Read a map. Raises IcyMoonError if a file is missing, damaged, or of a different map."""
+    """Read a map of ``kind`` by a matcher on a pair.
+
+    Raises IcyMoonError if a file is missing, damaged, or of a different map.
+    """
     report = _read_report(folder)
     row = next((each for each in report["rows"] if (each["pair"], each["method"]) == (pair, method)), None)
     path = folder / "pairs" / pair / "decisions.json"

@@ -397,8 +397,8 @@ def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
     stated = pair.data.get("workspace") or {}
     if "materials" not in stated:
         raise IcyMoonError(
-            f"{pair.folder} contains no true albedo and salts, and the rules ask for them; render the pair again with "
-            "workspace.materials true and workspace.cell_m above 0, or leave these rules out."
+            f"{pair.folder} contains no true albedo and salts, but the rules need them; render the pair again with "
+            "workspace.materials true and workspace.cell_m above 0, or leave out these rules."
         )
     return make_true_materials(
         read_cells(pair.folder / stated["materials"], (4, *stated["shape"]), "render the pair again")
@@ -417,8 +417,8 @@ def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m
     irradiance = scale_sun_irradiance(sun.irradiance_wm2, settings)
     if sun.distance_m or not irradiance > 0:
         raise IcyMoonError(
-            f"{pair.folder}: an albedo follows from light of one irradiance, and this is a lamp nearby or no light; "
-            "render with the Sun, or leave the rules of albedo and salts out."
+            f"{pair.folder}: an albedo can be measured in sunlight only, but the light is a lamp nearby or is absent; "
+            "render with the Sun, or leave out the rules of albedo and salts."
         )
     refuse_lamps(pair.folder, settings)
     white = compute_white_radiance(prepared.images, settings)

@@ -73,7 +73,7 @@ class Study:
     basis: Sequence[Any]
 
     def make_key(self, suite: Suite) -> str:
-        """Hash everything but the ground that determines the rows of a suite; the suite's name is left out."""
+        """Hash everything except the ground that determines the rows of a suite. The suite's name is left out."""
         design = self.design
         lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without a lamp keep their keys
         return make_json_digest(

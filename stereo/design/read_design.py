@@ -205,8 +205,8 @@ def _refuse_idle_settings(settings: Settings, whose: str, path: Path) -> None:
             acting = _ACTING.get(topic, ())
             if acting is not None and key not in acting:
                 raise IcyMoonError(
-                    f"{path}: {topic}.{key} of {whose} does not act on grounds by rays; leave it out, as only rig, "
-                    "sensor and workspace do, and of the rig what parallel cameras without margins have."
+                    f"{path}: {topic}.{key} of {whose} does not act on ray-traced grounds, where only sensor, "
+                    "workspace and a rig of parallel cameras without margins act; leave it out."
                 )
 
 
@@ -256,7 +256,7 @@ def _read_method(text: str, where: str) -> Method:
         raise IcyMoonError(f"{where} has {len(methods)} methods, {text}; give one, and each other a suite of its own.")
     if methods[0].lidar is not None and methods[0].lidar[RETURNS]:
         raise IcyMoonError(
-            f"{where}: {RETURNS} is a scan of a rendered pair, and grounds by rays have none; leave it out."
+            f"{where}: {RETURNS} is a scan of a rendered pair, but grounds by rays have none; leave it out."
         )
     refuse_true_range(methods[0].options, f"{where}: method {text}")
     return methods[0]

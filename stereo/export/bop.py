@@ -91,7 +91,7 @@ def _compute_vertex_normals(solid: Solid) -> Array:
 
 
 def write_all(each: Each, out: Path) -> None:
-    """Write all pairs with a lander. A pair without one is reported as a failure."""
+    """Write all pairs with a lander. A pair without a lander is reported as a failure."""
     models = _Models()
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
 

@@ -129,7 +129,7 @@ def refuse_edited(pair: Pair) -> None:
 def build_geometry(
     planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str, program: str = "geometry"
 ) -> None:
-    """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
+    """Have Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
 
     ``arguments`` are the arguments of ``render.geometry_worker`` after the folder, or of another ``program``.
     """

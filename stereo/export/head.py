@@ -42,7 +42,7 @@ _MODELS = {"transforms": ".json", "colmap": "/sparse/0"}
 
 
 def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-    """Write the cameras beside the pairs of ``folders``. Raises IcyMoonError if a pair has none."""
+    """Write the cameras beside the pairs of ``folders``. Raises IcyMoonError if a pair has no such cameras."""
     response = merged(*map(override, context.changes))
     scenes: dict[str, list[CalibratedCamera]] = {}
     lost: dict[str, int] = {}
@@ -115,4 +115,4 @@ def _write_models(cameras: list[CalibratedCamera], out: Path, scene: str, contex
         if held:
             write_calibration(CalibratedRig(tuple(held)), [out / f"{scene}{suffix}"], kind)
         if len(held) < len(cameras):
-            context.warn(f"{scene}{suffix} lacks {len(cameras) - len(held)} images, whose lens the format has not.")
+            context.warn(f"{scene}{suffix} lacks {len(cameras) - len(held)} images, whose lens the format cannot hold.")

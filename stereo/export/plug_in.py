@@ -107,7 +107,7 @@ class FoldersContext:
 
 
 class PluginExport:
-    """An export. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
+    """An export plug-in. Raises IcyMoonError if it cannot be loaded or is not complete."""
 
     def __init__(self, plugin: Plugin) -> None:
         self.plugin, self._loaded = plugin, load_plugin(plugin)

@@ -112,7 +112,7 @@ class _Index:
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, pair: LoadedPair, split: str, shard: str) -> None:
-        """Add a pair in a split and a file."""
+        """Add a pair with its split and its file."""
         row = describe_row(pair, split)
         self.rows.append({"shard": shard, **{key: "" if value is None else value for key, value in row.items()}})
 

@@ -17,7 +17,7 @@ _OPSET = 18
 
 
 class _AtLevels(nn.Module):
-    """The network with its levels as an input."""
+    """The network with its levels of disparity as an input."""
 
     def __init__(self, network: IcyNet) -> None:
         super().__init__()
