@@ -317,7 +317,9 @@ def _describe_marker(value: float, kind: str) -> str:
 
 
 def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Convert a map of ``kind`` "depth", m, or "disparity", px, to disparities, px; NaN where unusable."""
+    """Convert a map of depths, m, to disparities, px, NaN where unusable. A map of ``kind`` "disparity" stays
+    unchanged.
+    """
     if kind == "disparity":
         return values
     return np.where(is_usable(values), camera.disparity(np.where(is_usable(values), values, 1.0)), np.nan)

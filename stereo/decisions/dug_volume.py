@@ -132,7 +132,7 @@ class VolumeNoise:
     bias_m3: float
     sigma_m3: float
     smallest_m3: float
-    # Limits of the smallest volume at 95 %, since few pairs give an inexact standard deviation.
+    # Limits of the smallest volume at 95 %, because few pairs give an inexact standard deviation.
     bounds_m3: tuple[float, float]
     pairs: int
 

@@ -32,7 +32,10 @@ class Scoop:
 
 
 def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | None:
-    """Return the scoop of a pair whose left eye has this ``pose`` (4, 4); None without a shipped arm in the truth."""
+    """Return the scoop of a pair whose left eye has this ``pose`` (4, 4).
+
+    None without a shipped arm, or without labels of instances.
+    """
     links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
     if SCOOP_LINK not in links or pair.settings.lander.kind != "PARAMETRIC":
         return None

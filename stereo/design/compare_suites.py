@@ -174,7 +174,7 @@ def compare(measured: Measured) -> dict[str, Array]:
 
 
 def find_front(bounds: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """Return for each suite its ``place`` and the indices of the suites that it is compared with.
+    """Return for each suite its ``place`` and the indices of two groups of other suites.
 
     ``by`` are the suites that beat it, ``against`` the suites that may be as good in everything. A suite is beaten if
     another has less risk and no more energy and time. It is on the front if it has less of something than each other
