@@ -63,8 +63,8 @@ from icymoon.stereo.learning.grounds import (
     Ground,
     Recipe,
     build_ground,
-    close_ground,
     make_split_generator,
+    release_ground,
 )
 from icymoon.stereo.learning.made_pairs import draw_light
 from icymoon.stereo.matchers.methods import Method, parse_methods
@@ -194,7 +194,7 @@ def _measure_ground(
     try:
         workspace, images = look_under_suns(ground, arms)
     finally:
-        close_ground(ground)
+        release_ground(ground)
 
     def add(arm: str, label: str, depth: Array) -> None:
         nonlocal start

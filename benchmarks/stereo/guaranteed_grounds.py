@@ -56,8 +56,8 @@ from icymoon.stereo.learning.grounds import (
     Ground,
     Recipe,
     build_ground,
-    close_ground,
     make_split_generator,
+    release_ground,
 )
 from icymoon.stereo.learning.made_pairs import draw_light
 from icymoon.stereo.matchers.methods import Method, parse_methods
@@ -113,7 +113,7 @@ def make_rows(recipe: Recipe, methods: Sequence[Method], log: RowLog) -> list[Ro
         try:
             workspace = make_workspace_of_ground(ground)
         finally:
-            close_ground(ground)
+            release_ground(ground)
         for label in (label for label, row in rows.items() if row is None):
             row: Row = {"pair": name, "method": label, "key": keys[label], "status": "ok", "error": "", "numbers": None}
             try:

@@ -23,8 +23,8 @@ from icymoon.physics.light.directions import direction_toward
 from icymoon.settings.description import merged
 from icymoon.stereo.decisions.workspace import find_lit_pixels, measure_levels
 from icymoon.stereo.design.default_lander import LANDER, RAYS_PER_PIXEL
-from icymoon.stereo.design.made_workspaces import draw_recipes, look, prepare_made_pair
-from icymoon.stereo.learning.grounds import FULL, Ground, Recipe, build_ground, close_ground, make_split_generator
+from icymoon.stereo.design.made_workspaces import draw_recipes, make_view, prepare_made_pair
+from icymoon.stereo.learning.grounds import FULL, Ground, Recipe, build_ground, make_split_generator, release_ground
 from icymoon.stereo.learning.made_pairs import draw_light
 from icymoon.stereo.learning.radiance import Lighting, compute_radiance
 from icymoon.stereo.measure.prepare_pair import PreparedPair
@@ -79,7 +79,7 @@ def find_sunlit(ground: Ground, light: Lighting) -> Array:
     """Whether the middle of the Sun is visible, for each pixel (H, W) of the left image: the ground is brighter than
     black in its light alone.
     """
-    eye = look(ground, SMALL, light).left
+    eye = make_view(ground, SMALL, light).left
     pixels = np.arange(eye.rows * eye.columns)
     alone = replace(light, sun_radius_rad=0.0, sky=0.0)
     nothing, random = np.zeros(len(pixels)), np.random.default_rng(0)
@@ -113,7 +113,7 @@ def measure_ground(recipe: Recipe) -> list[tuple[float, Array]]:
             counts = [count(find(prepared)[seen], sunlit[seen]) for find in FINDERS.values()]
             found.append((1 - float(sunlit[seen].mean()), np.array(counts)))
     finally:
-        close_ground(ground)
+        release_ground(ground)
     return found
 
 

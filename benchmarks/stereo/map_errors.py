@@ -22,7 +22,7 @@ from icymoon.stereo.decisions.height_errors import QUANTITIES, check_scale, coun
 from icymoon.stereo.decisions.rules import Rules, SiteRules, read_rules
 from icymoon.stereo.decisions.safe_sites import SiteLayers, measure_layers
 from icymoon.stereo.design.made_workspaces import find_top_heights
-from icymoon.stereo.learning.grounds import Ground, build_ground, close_ground, draw_recipe, make_split_generator
+from icymoon.stereo.learning.grounds import Ground, build_ground, draw_recipe, make_split_generator, release_ground
 from icymoon.stereo.learning.made_pairs import CROPS_PER_GROUND, MadePairs, draw_view
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.search_range import AUTO, find_true_range
@@ -122,7 +122,7 @@ def decide_on_grounds(
         try:
             made = [decide(ground, number * CROPS_PER_GROUND + k, methods) for k in range(pairs)]
         finally:
-            close_ground(ground)
+            release_ground(ground)
         found.append({method: [each[method] for each in made] for method in methods})
     return found
 

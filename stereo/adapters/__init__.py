@@ -1,1 +1,1 @@
-"""Programs for the user's own Python. Each needs NumPy there, and not Icy Moon."""
+"""Programs for the user's own Python. Each needs NumPy there, but not Icy Moon."""

@@ -44,10 +44,11 @@ def serve(
 
     ``left`` and ``right`` are uint8 RGB (H, W, 3). ``camera`` has ``focal_px``, ``cx_px``, ``cy_px`` (from the outer
     corner of the first pixel), ``baseline_m`` and ``range_px``, the least and the greatest disparity that the rig can
-    see, or None; it is None if the camera is not known. The result is the disparity of
-    the left image (H, W) in px, left column minus right column, as an array or a tensor of PyTorch; NaN or 0 where
-    nothing was measured. It may be a tuple of this and a confidence (H, W) from 0 to 1; an expected error of e px is
-    the confidence exp(-e). An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
+    see, or None. ``camera`` itself is None if it is unknown. The function returns the disparity of the left image (H,
+    W) in px, left column minus right column, as an array or a tensor of PyTorch; NaN or 0 where nothing was measured.
+    It may return a tuple of the disparity and a confidence (H, W) from 0 to 1; for an expected error of e px, the
+    confidence is exp(-e). After an exception, only this pair fails. The report states ``name`` and the result of
+    ``facts()``.
     """
     if sys.stdin is None or sys.stdin.isatty():
         sys.exit(
@@ -82,7 +83,10 @@ def to_numpy(found: Any) -> np.ndarray:
 
 
 def to_disparity_map(found: object, shape: tuple[int, ...]) -> np.ndarray:
-    """The output of a program as float32 (H, W). Raises ValueError, with the fix, if it is not a disparity map."""
+    """Convert the output of a program to float32 (H, W).
+
+    Raises ValueError, with the remedy, if it is no disparity map.
+    """
     found = drop_single_axes(to_numpy(found))
     if found.dtype.kind not in "fiu":
         raise ValueError(f"the disparity map has values of type {found.dtype}; return numbers")
@@ -119,7 +123,7 @@ def _queue_requests(requests: IO[bytes], lines: queue.SimpleQueue[bytes]) -> Non
         for line in requests:
             lines.put(line)
     finally:
-        os._exit(0)  # Icy Moon has ended, also if a pair is being computed
+        os._exit(0)  # Icy Moon has ended, perhaps while a pair is being computed
 
 
 def _write_message(answers: IO[bytes], message: dict[str, Any]) -> None:
@@ -149,7 +153,7 @@ def _answer_request(disparity: Callable[..., Any], request: dict[str, Any]) -> d
 
 
 def _find_cuda() -> ModuleType | None:
-    """PyTorch's CUDA if the program uses it; None otherwise."""
+    """Return PyTorch's CUDA module if the program uses it; None otherwise."""
     torch = sys.modules.get("torch")
     cuda = getattr(torch, "cuda", None)
     return cuda if cuda is not None and cuda.is_available() and cuda.is_initialized() else None
@@ -165,7 +169,7 @@ def _record_gpu_event() -> torch.cuda.Event | None:
 
 
 def _measure_gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
-    """Name of the GPU, its peak memory so far, and its time since ``begin``."""
+    """Return the name of the GPU, its peak memory so far, and its time since ``begin``; empty without CUDA."""
     cuda = _find_cuda()
     if cuda is None:
         return {}
@@ -176,7 +180,7 @@ def _measure_gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
 
 
 def _measure_peak_memory() -> dict[str, float]:
-    """The peak memory of this process, on Linux."""
+    """Return the peak memory of this process, on Linux; empty on other systems."""
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as stream:
             return {"memory_mb": next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:")) / 1024}

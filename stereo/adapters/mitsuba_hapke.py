@@ -27,7 +27,7 @@ _DEFAULTS = {"w": 0.9, "k": 1.0}
 
 
 def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
-    """Radiance over irradiance on the surface, in 1/sr, of unit vectors above a surface whose normal is z."""
+    """Return the BRDF in 1/sr, radiance over irradiance, for unit vectors above a surface whose normal is z."""
     import drjit as dr
 
     cos_i, cos_o = dr.maximum(wi.z, 1e-6), dr.maximum(wo.z, 1e-6)
@@ -59,7 +59,9 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
 def _apply_roughness(
     wi: mi.Vector3f, wo: mi.Vector3f, mu_n: mi.Float, mu_f: mi.Float, tan_theta: float
 ) -> tuple[mi.Float, mi.Float, mi.Float]:
-    """Effective cosines of the ray nearer to the normal and of the other ray, and the shadowing (Hapke 1984)."""
+    """Return the effective cosines of the ray nearer to the normal and of the other ray, and the shadowing (Hapke
+    1984).
+    """
     import drjit as dr
     import mitsuba as mi
 
@@ -110,13 +112,14 @@ def register_bsdf(
     read: Callable[[mi.Properties], dict[str, Any]],
     law: Callable[[dict[str, Any], mi.Vector3f, mi.Vector3f], mi.Float],
 ) -> None:
-    """Register a BSDF as ``plugin``: its parameters are read from properties, ``law`` is a function as ``brdf``
-    above."""
+    """Register a BSDF as ``plugin``. ``read`` returns its parameters from properties, ``law`` is a function such as
+    ``brdf``.
+    """
     import drjit as dr
     import mitsuba as mi
 
-    class Law(mi.BSDF):
-        """The BSDF; black from below."""
+    class ReflectanceLaw(mi.BSDF):
+        """A BSDF with a reflectance law; black from below."""
 
         def __init__(self, props: mi.Properties) -> None:
             mi.BSDF.__init__(self, props)
@@ -125,8 +128,8 @@ def register_bsdf(
             self.m_components, self.m_flags = [flags], flags
 
         def _is_seen(self, si: mi.SurfaceInteraction3f) -> mi.Bool:
-            # A shading normal may turn away from a ray that meets the facet from above; the law then holds at grazing
-            # sight.
+            # A shading normal may turn away from a ray that meets the facet from above. The law then holds at grazing
+            # emission.
             return dr.dot(si.n, si.to_world(si.wi)) > 0
 
         def _value(self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
@@ -141,7 +144,7 @@ def register_bsdf(
             sample2: mi.Point2f,
             active: mi.Bool = True,
         ) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-            """Sample a direction by the cosine; return it with BRDF times cosine over its density."""
+            """Sample a direction by the cosine. Return it, and the BRDF times cosine over its density."""
             wo = mi.warp.square_to_cosine_hemisphere(sample2)
             found = mi.BSDFSample3f()
             found.wo, found.pdf, found.eta = wo, mi.warp.square_to_cosine_hemisphere_pdf(wo), 1.0
@@ -152,23 +155,23 @@ def register_bsdf(
         def eval(
             self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
         ) -> mi.Color3f:
-            """BRDF times cosine."""
+            """Return the BRDF times cosine."""
             return self._value(si, wo, active)
 
         def pdf(
             self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
         ) -> mi.Float:
-            """Density of ``sample``."""
+            """Return the density of ``sample``."""
             return dr.select(active & self._is_seen(si) & (wo.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(wo), 0.0)
 
         def eval_pdf(
             self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
         ) -> tuple[mi.Color3f, mi.Float]:
-            """BRDF times cosine, and density of ``sample``."""
+            """Return the BRDF times cosine, and the density of ``sample``."""
             return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
 
         def to_string(self) -> str:
-            """The text for Mitsuba's messages."""
+            """Return the text for Mitsuba's messages."""
             return f"{plugin}[{self.q}]"
 
-    mi.register_bsdf(plugin, Law)
+    mi.register_bsdf(plugin, ReflectanceLaw)

@@ -18,7 +18,7 @@ import numpy as np
 
 
 def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance (H, W, 3) and depth (H, W) of a scene."""
+    """Render the radiance (H, W, 3), W/(m² sr), and the depth (H, W), m, of a scene."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")

@@ -23,7 +23,7 @@ _LEVEL, _LINEAR, _PRODUCT, _PHASE, _MIN_COSINES = 1.247, 1.186, 5.157, ((11.1, 0
 
 
 def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
-    """Radiance over irradiance on the surface, in 1/sr, of unit vectors above a surface whose normal is z."""
+    """Return the BRDF in 1/sr, radiance over irradiance, for unit vectors above a surface whose normal is z."""
     import drjit as dr
 
     mu0, mu = dr.maximum(wo.z, 0.0), dr.maximum(wi.z, 0.0)

@@ -17,7 +17,7 @@ import numpy as np
 
 def main() -> None:
     """Load the network and answer pairs."""
-    from icymoon_serve import serve  # which is in the folder of this file
+    from icymoon_serve import serve  # from the folder of this file
 
     parser = argparse.ArgumentParser()
     parser.add_argument("model")

@@ -1,1 +1,1 @@
-"""Stereo data that was not rendered here: photographs and other data sets, and predictions made elsewhere."""
+"""Stereo data from elsewhere: photographs and other data sets, and predictions by other programs."""

@@ -1,4 +1,4 @@
-"""Poses in a bag of ROS 1 or 2, in the order of time. Needs the package rosbags, not ROS."""
+"""Reads poses from a bag of ROS 1 or 2, in the order of time. Needs the package rosbags, not ROS."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ _NANOSECOND_S = Decimal("1e-9")
 
 @dataclass
 class _Frame:
-    """The poses (4, 4) of a moving frame by their stamps, in the frame ``parent``."""
+    """Poses (4, 4) of a moving frame by their stamps, in the frame ``parent``."""
 
     parent: str
     poses: dict[Decimal, Array] = field(default_factory=dict)
 
     def is_static(self) -> bool:
-        """Whether all its poses are equal, as in a fixed transform that is sent repeatedly."""
+        """Return whether all poses are equal, as in a fixed transform that is sent repeatedly."""
         first, *others = self.poses.values()
         return all(np.array_equal(first, other) for other in others)
 
 
 @dataclass(frozen=True)
 class BagPoses:
-    """The poses (4, 4) of the frame ``frame`` in the frame ``parent`` by ``stamps`` in seconds, in the order of time.
+    """Poses (4, 4) of the frame ``frame`` in the frame ``parent``, at ``stamps`` in seconds, in the order of time.
 
     Both names are from the bag and may be empty.
     """
@@ -59,19 +59,19 @@ class BagPoses:
     parent: str
 
     def describe(self) -> str:
-        """The frame of the poses, and its parent frame, in words."""
+        """Describe the frame of the poses and its parent frame in words."""
         return f"{self.frame or 'the poses'} in {self.parent or 'a frame without a name'}, with the axes of the bag"
 
 
 def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     """Read the poses of a moving frame from a topic of a bag.
 
-    ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
-    A frame that is fixed to a moving frame, as a camera to a robot, moves with it. Raises IcyMoonError for a bag
-    without poses, for different poses with one stamp, and for a moving frame whose parent frame moves too.
+    ``topic`` may be empty if only one topic has poses. ``frame`` is the moving frame if a topic has several, as /tf
+    does. A frame that is fixed to a moving frame, as a camera to a robot, moves with it. Raises IcyMoonError if the bag
+    has no poses, if different poses have one stamp, or if the moving frame's parent frame moves too.
     """
     if importlib.util.find_spec("rosbags") is None:
-        raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')
+        raise IcyMoonError('Reading bags needs the package rosbags; pip install "icymoon[ros]".')
     if not bag.exists():
         raise IcyMoonError(f"{bag} is missing; give a bag of ROS 1 (a file) or of ROS 2 (its folder).")
     from rosbags.highlevel import AnyReader
@@ -83,20 +83,20 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     ):
         there = {each.topic: each for each in reader.connections if each.msgtype in _POSE_PATHS}
         moving = [name for name in there if name != _STATIC_TOPIC] or list(there)
-        chosen = _choose(bag, "topic", topic, list(there) if topic else moving)
+        chosen = _choose_name(bag, "topic", topic, list(there) if topic else moving)
         topics = {chosen, _STATIC_TOPIC} if there[chosen].msgtype == _TRANSFORMS_TYPE else {chosen}
         found: dict[str, _Frame] = {}
         fixed: set[str] = set()
         for connection, _, raw in reader.messages([each for each in reader.connections if each.topic in topics]):
             for each in _read_message(reader.deserialize(raw, connection.msgtype), connection.msgtype):
-                _add(found, *each)
+                _add_pose(found, *each)
                 if connection.topic != chosen:
                     fixed.add(each[0])
                 if len(found[each[0]].poses) > MAX_POSES:
                     raise IcyMoonError(f"{bag}: {chosen} has more than {MAX_POSES} poses; cut it into several bags.")
     if frame and list(found) == [""]:
         raise IcyMoonError(f"{bag}: {chosen} has poses without the name of a moving frame; leave out --frame.")
-    name = _choose(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])
+    name = _choose_name(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])
     base, on_base = _find_moving_frame(name, found)
     _refuse_moving_parent(bag, name, base, found)
     poses = found[base].poses
@@ -104,7 +104,7 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     return BagPoses(stamps, [poses[stamp] @ on_base for stamp in stamps], name, found[base].parent)
 
 
-def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
+def _add_pose(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
     """Add a pose to ``found``. Raises ValueError if it contradicts the other poses of its frame."""
     frame = found.setdefault(name, _Frame(parent))
     what = shorten(name) or "its topic"
@@ -115,8 +115,11 @@ def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose:
 
 
 def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Array]:
-    """The moving frame to which a frame is fixed, directly or through other fixed frames, and its pose (4, 4) in that
-    frame. A frame that moves itself, or without a moving ancestor, is returned with the unit matrix."""
+    """Find the moving frame to which a frame is fixed, directly or through other fixed frames.
+
+    Return its name and the fixed frame's pose (4, 4) in it. A frame that moves itself, or has no moving ancestor, is
+    returned with the unit matrix.
+    """
     base, pose = name, np.eye(4)
     passed = set()
     while base in found and base not in passed and found[base].is_static():
@@ -127,7 +130,10 @@ def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Arr
 
 
 def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _Frame]) -> None:
-    """Refuse a frame that moves in a parent that moves too: its poses are not a path over the ground."""
+    """Raise IcyMoonError if the parent of a moving frame moves too.
+
+    The poses are then no path over the ground.
+    """
     parent, _ = _find_moving_frame(found[base].parent, found)
     if parent not in found or parent == base or found[parent].is_static():
         return
@@ -138,8 +144,11 @@ def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _
     )
 
 
-def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
-    """Return the name that the user ``stated``, or the only name in ``there``. Raises IcyMoonError without either."""
+def _choose_name(bag: Path, what: str, stated: str, there: list[str]) -> str:
+    """Return the name that the user ``stated``, or the only name in ``there``.
+
+    Raises IcyMoonError if both are missing.
+    """
     if stated in there:
         return stated
     if stated:
@@ -155,7 +164,7 @@ def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
 
 
 def _read_message(message: Any, kind: str) -> Iterator[tuple[str, str, Decimal, Array]]:
-    """Moving frame, parent frame, stamp and pose (4, 4) of each pose in a message."""
+    """Yield the moving frame, parent frame, stamp and pose (4, 4) of each pose in a message."""
     for each in message.transforms if kind == _TRANSFORMS_TYPE else [message]:
         stamp = each.header.stamp
         value = each

@@ -1,4 +1,4 @@
-"""Cameras from the calibration files of other data sets.
+"""Reads cameras from the calibration files of other data sets.
 
 Their principal points count pixels from the centre of the first pixel, half a pixel less than ours.
 """
@@ -16,7 +16,7 @@ from ...support.foreign_bytes import read
 from .data_files import read_fields, read_numbers
 
 _PIXEL_CENTRE = 0.5
-#: Difference, px, up to which two principal points count as equal: files round to thousandths of a pixel.
+#: Difference, px, up to which two principal points count as equal. Files round to thousandths of a pixel.
 _SAME_PX = 0.1
 _EXPORT_SHAPE = {
     "camera": CAMERA_SHAPE,
@@ -24,13 +24,13 @@ _EXPORT_SHAPE = {
 }
 #: The number with which Sintel's files of cameras begin.
 _SINTEL_MARK = 202021.25
-#: Largest relative difference of the focal lengths of rectified images, since files may have few digits.
+#: Largest relative difference of the focal lengths of rectified images. Files may have few digits.
 _FOCAL_TOLERANCE = 1e-3
 _DOWNLOAD_AGAIN = "download its camera data again"
 
 
 def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
-    """A camera whose principal point is the middle of the image."""
+    """Make a camera whose principal point is the middle of the image."""
     return StereoCamera(width, height, focal_px, width / 2, height / 2, baseline_m)
 
 
@@ -42,8 +42,9 @@ def make_common_camera(
 
 
 def read_kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
-    """The camera of the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are
-    unusable.
+    """Read the camera from the two projection matrices ``names`` of the rectified eyes.
+
+    Raises IcyMoonError if they are unusable.
     """
     fields = read_fields(path, ":")
     left, right = (read_numbers(path, fields, name, 12) for name in names)
@@ -64,8 +65,9 @@ def read_kitti_camera(path: Path, names: tuple[str, str], width: int, height: in
 
 
 def read_middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
-    """The camera of ``calib.txt`` of Middlebury and ETH3D, with a baseline in mm. Raises IcyMoonError if the file is
-    incomplete.
+    """Read the camera from ``calib.txt`` of Middlebury and ETH3D, with a baseline in mm.
+
+    Raises IcyMoonError if the file is incomplete or contradicts itself.
     """
     fields = read_fields(path, "=")
     matrix = read_numbers(path, fields, "cam0", 9)
@@ -94,7 +96,7 @@ def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> N
 
 
 def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float) -> float:
-    """Column of the right principal point minus ``left_px``, the column of the left principal point.
+    """Return the column of the right principal point minus ``left_px``, the column of the left one.
 
     The two matrices or ``doffs`` state it; without both it is 0. Raises IcyMoonError if they contradict each other.
     """
@@ -123,8 +125,9 @@ def read_disparity_count(path: Path) -> int | None:
 
 
 def read_sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
-    """The camera of a ``.cam`` file: its matrix as nine float64 after a first number. Raises IcyMoonError for other
-    content.
+    """Read the camera from a ``.cam`` file: a first number, then the matrix as nine float64.
+
+    Raises IcyMoonError if the file has other content.
     """
     mark, *matrix = read(
         path, lambda foreign: foreign.cursor().unpack("<f9d"), "a camera of Sintel", _DOWNLOAD_AGAIN, most=4096
@@ -136,7 +139,7 @@ def read_sintel_camera(path: Path, baseline_m: float, width: int, height: int) -
 
 
 def read_exported_camera(path: Path, width: int, height: int) -> StereoCamera:
-    """The camera in ``calibration.json`` of our own exports."""
+    """Read the camera from ``calibration.json`` of our own exports."""
     del width, height
     return StereoCamera.from_json(read_record(path, _EXPORT_SHAPE, "export the pair again")["camera"]).rectified
 
@@ -148,7 +151,7 @@ def read_saturation_radiance(path: Path) -> float | None:
 
 
 def _read_pixel_count(path: Path, fields: dict[str, str], key: str) -> int:
-    """A number of pixels, rounded down, at least 1. Raises IcyMoonError for more than an image can have."""
+    """Read a number of pixels, rounded down, at least 1. Raises IcyMoonError for more pixels than an image can have."""
     value = max(1, int(read_numbers(path, fields, key, 1)[0]))
     if not PIXELS.fits(value):
         raise IcyMoonError(f"{path} states {key} {value:g}, not {PIXELS.name}; correct it.")

@@ -1,4 +1,4 @@
-"""Reading images, maps of disparity or depth, and calibrations of foreign data.
+"""Reads images, maps of disparity or depth, and calibrations of foreign data.
 
 Anyone may have made these files. So only files inside the data set are read, their size is checked before their pixels
 are decoded, and nothing in them is run.
@@ -46,8 +46,8 @@ class MapFile:
     """A file with a disparity (px) or a depth (m) for each pixel.
 
     ``steps`` are the counts of the file per px or metre. None means 256 for a disparity in a 16-bit PNG, unknown for a
-    PNG of 8 bits, and 1 otherwise. With ``along_ray`` depths are distances from the eye, else they lie along the
-    optical axis. Zero (unless ``zero_is_unknown`` is false), infinity and NaN mean unknown.
+    PNG of 8 bits, and 1 otherwise. With ``along_ray``, depths are distances from the eye; else they lie along the
+    optical axis. Infinity and NaN mean unknown, and so does zero unless ``zero_is_unknown`` is false.
     """
 
     path: Path
@@ -55,13 +55,13 @@ class MapFile:
     steps: float | None = None
     along_ray: bool = False
     sintel: bool = False  # coded in three bytes, as in Sintel
-    predicted: bool = False  # a method's result, for which no file states the steps
-    channel: str | None = None  # the channel of an EXR file, or the array of an npz, with the map
+    predicted: bool = False  # the result of a method; no file states its steps
+    channel: str | None = None  # the channel of an EXR file, or the array of an npz, that has the map
     zero_is_unknown: bool = True  # false for a map of other numbers, such as a confidence
 
 
 def resolve_inside(root: Path, name: str | Path) -> Path:
-    """Return the path of the file ``name`` in the folder ``root``, without a check that it is a regular file.
+    """Return the path of the file ``name`` in the folder ``root``. It may not be a regular file.
 
     Raises IcyMoonError for a path outside ``root``.
     """
@@ -78,14 +78,14 @@ def resolve_inside(root: Path, name: str | Path) -> Path:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file. Raises IcyMoonError if it is missing, too large, or not text."""
+    """Read the content of a text file. Raises IcyMoonError if it is missing, too large, or not text."""
     return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MAX_TEXT_BYTES)
 
 
 def read_image(path: Path) -> Array:
-    """A PNG, JPEG, TIFF or WebP image as uint8, grey (H, W) or BGR (H, W, 3); 16 bits are scaled down.
+    """Read a PNG, JPEG, TIFF or WebP image as uint8, grey (H, W) or BGR (H, W, 3); 16 bits are scaled down.
 
-    Raises IcyMoonError if it is missing, damaged, too large or of another kind.
+    Raises IcyMoonError if the file is missing, damaged, too large or of another kind.
     """
     image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MAX_IMAGE_BYTES)
     if image.ndim == 3:
@@ -137,7 +137,7 @@ def read_radiance(path: Path) -> Array:
 def read_map(file: MapFile) -> Array:
     """Read a map as float64 (H, W), NaN where unknown; negative numbers stay.
 
-    Reads PFM, PNG, npy, npz, OpenEXR and TIFF. Raises IcyMoonError if the file is missing, damaged, too large or
+    The file is a PFM, PNG, npy, npz, OpenEXR or TIFF. Raises IcyMoonError if it is missing, damaged, too large or
     contains no map.
     """
     if file.sintel:
@@ -155,7 +155,7 @@ def read_map(file: MapFile) -> Array:
 
 
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
-    """The numbers of a file, and the usual steps per px or metre in its format."""
+    """Return the numbers of a file, and the usual steps per px or metre in its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR_START):
         return _parse_exr_map(foreign, file), 1.0
@@ -180,7 +180,7 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
 
 
 def _describe_png_encoding(file: MapFile) -> str:
-    """The encoding of a map in a PNG, in words."""
+    """Describe the encoding of a map in a PNG."""
     return (
         "16-bit PNG of 256 steps per px"
         if file.kind == "disparity"
@@ -189,7 +189,10 @@ def _describe_png_encoding(file: MapFile) -> str:
 
 
 def _read_png_numbers(image: Array, file: MapFile) -> Array:
-    """Read the numbers of a PNG. One of 8 bits needs a number of steps from the user: it may be an ordinary picture."""
+    """Return the numbers of a PNG. Raises RefusedError if the PNG may be an ordinary picture.
+
+    A PNG of 8 bits needs a number of steps from the user.
+    """
     if image.ndim != 2:
         raise RefusedError(
             f"is a picture, not a map: it has colours; write one number per pixel, as PFM or "
@@ -197,7 +200,7 @@ def _read_png_numbers(image: Array, file: MapFile) -> Array:
         )
     if image.dtype == np.uint8 and file.steps is None:
         raise RefusedError(
-            "is a picture, not a map, unless it is known what it counts; "
+            "is a picture, not a map, unless its steps are stated; "
             + (
                 "write 256 steps per px with 16 bits, or PFM."
                 if file.predicted
@@ -209,7 +212,7 @@ def _read_png_numbers(image: Array, file: MapFile) -> Array:
 
 
 def _read_sintel_disparity(path: Path) -> Array:
-    """Disparity of a Sintel PNG, whose R, G and B are its three digits: 4, 1/64 and 1/16384 px."""
+    """Read the disparity of a Sintel PNG, whose R, G and B are its three digits: 4, 1/64 and 1/16384 px."""
     image = read_image(path)
     if image.ndim != 3:
         raise IcyMoonError(f"{path} has no colours, but Sintel stores disparities as colours; download it again.")
@@ -257,7 +260,10 @@ def _parse_tiff_map(foreign: ForeignBytes) -> Array:
 
 
 def read_fields(path: Path, separator: str) -> dict[str, str]:
-    """The lines ``key=value`` or ``key: value`` of a calibration. Raises IcyMoonError if the file cannot be read."""
+    """Read the lines ``key=value`` or ``key: value`` of a calibration.
+
+    Raises IcyMoonError if the file cannot be read.
+    """
     found = {}
     for line in read_text(path).splitlines():
         key, there, value = line.partition(separator)
@@ -267,8 +273,9 @@ def read_fields(path: Path, separator: str) -> dict[str, str]:
 
 
 def read_numbers(path: Path, fields: dict[str, str], key: str, count: int) -> Sequence[float]:
-    """The ``count`` numbers in a field of a calibration. Raises IcyMoonError if it is missing or has another number of
-    them.
+    """Read the ``count`` numbers in a field of a calibration.
+
+    Raises IcyMoonError if the field is missing or has another number of them.
     """
     if key not in fields:
         raise IcyMoonError(f"{path} has no {key}, which is needed to convert disparities to depths; add it.")

@@ -28,8 +28,8 @@ from .plain_folder import PAIRS_FILE as PLAIN_FILE
 from .plain_folder import find_plain_pairs
 from .visibility import Mask
 
-#: Focal lengths, px, of SceneFlow's cameras: the usual one, and the one for paths with 15mm. All cameras have this
-#: principal point and a baseline of 1.
+#: Focal lengths, px, of SceneFlow's cameras: the usual one, and the one for paths with 15mm. All cameras share the
+#: principal point and the baseline of 1.
 _SCENEFLOW_FOCAL_PX, _SCENEFLOW_SHORT_PX = 1050.0, 450.0
 _SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE = (479.5, 269.5), 1.0
 _SINTEL_BASELINE_M = 0.1
@@ -145,7 +145,7 @@ def _find_folders_with(path: Path, name: str) -> list[Path]:
 
 
 def _folder_name(root: Path, folder: Path) -> str:
-    """Name of the pair in a folder; ``root`` may be written as ``.``."""
+    """Name the pair in a folder; ``root`` may be written as ``.``."""
     return make_safe_name((folder.resolve() if folder == root else folder).name)
 
 
@@ -210,8 +210,9 @@ def _make_sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> 
 
 
 def _find_root(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
-    """The root of a data set with several renderings of its images, and the renderings to read: ``path`` alone if it is
-    one, else the first.
+    """Return the root of a data set with several renderings of its images, and its renderings.
+
+    If ``path`` is one of the renderings, only its own name is returned with the root.
     """
     if path.name in passes:
         return path.parent, [path.name]

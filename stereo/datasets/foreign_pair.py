@@ -46,7 +46,7 @@ from .visibility import Mask, check_right_truth, make_right_camera, read_mask
 _SEARCHED_SHARE = 0.25
 #: Largest row difference of matching pixels, px, that is not reported.
 _UNREPORTED_ROW_OFFSET_PX = 0.5
-#: Makes the camera of images of this width and height.
+#: A function that makes the camera of images of a width and a height.
 CameraReader = Callable[[int, int], StereoCamera]
 
 
@@ -65,12 +65,12 @@ class ForeignPair:
     calibration: tuple[Path, ...] = ()
     truth_right: MapFile | None = None
     mask: Mask | None = None
-    white: float | None = None  # the radiance that is white, in images of radiance (PFM)
+    white: float | None = None  # the radiance of white, in images of radiance (PFM)
     linear: bool = False  # the images are proportional to light, as our own are
     either_sign: bool = False  # the sign of disparities differs between releases of the data set
     notes: tuple[str, ...] = ()  # facts about the data
     row_offset_reader: Callable[[], float] | None = None  # reads the largest row difference of matching pixels, px
-    # Reads the number of disparities that the data set states to be enough.
+    # Reads the number of disparities that are enough according to the data set.
     disparities_reader: Callable[[], int | None] | None = None
 
     @property
@@ -87,8 +87,9 @@ class ForeignPair:
         )
 
     def list_dependencies(self) -> list[Any]:
-        """Everything that determines its numbers: the checksums of its files, empty for an unreadable file, and their
-        layout.
+        """List everything that determines the pair's numbers: its layout, and the checksums of its files.
+
+        The checksum of an unreadable file is empty.
         """
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
         return [*described, *(read_checksum(path, MAX_BYTES) for path in self.files)]
@@ -96,7 +97,7 @@ class ForeignPair:
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute the inputs of matchers and metrics. No sensor model is applied.
 
-        Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
+        Raises IcyMoonError with the name of the file and the remedy if one is missing, damaged or does not fit.
         """
         for path in self.files:
             if not os.path.lexists(path):
@@ -145,10 +146,10 @@ class ForeignPair:
     def _read_true_disparity(
         self, camera: StereoCamera, image: Array, places: MatchedPlaces, turned: Mapping[Path, int]
     ) -> tuple[Array, tuple[float, ...], list[str], list[str]]:
-        """The true disparity of the left eye, the numbers that mean "unknown", notes on how it was read, and warnings
-        about it.
+        """Return the true disparity of the left eye, the numbers that mean "unknown", notes on how it was read, and
+        warnings.
 
-        It must confirm the images that viewers show ``turned``.
+        Raises IcyMoonError if viewers show images ``turned`` and the truth does not confirm their stored pixels.
         """
         values, kind = self._read_map_values(self.truth, camera, image, turned), self.truth.kind
         markers = find_markers(values, kind, camera, places)
@@ -191,7 +192,7 @@ class ForeignPair:
     def _read_map_values(
         self, file: MapFile, camera: StereoCamera, image: Array, turned: Mapping[Path, int] = MappingProxyType({})
     ) -> Array:
-        """The depths along the optical axis, or the disparities, of a map."""
+        """Read the depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
             refuse_rotated_images(turned)
@@ -211,8 +212,10 @@ class ForeignPair:
         image: Array,
         markers: tuple[float, ...],
     ) -> tuple[Array, bool, list[str]]:
-        """The pixels of the left eye whose point is visible in the right eye, whether that is known beyond the image
-        frame, and warnings. ``markers`` are the values in the truth that mean "unknown".
+        """Find the pixels of the left eye whose point is visible in the right eye.
+
+        Also return whether this is known beyond the image frame, and warnings. ``markers`` are the values in the truth
+        that mean "unknown".
         """
         inside = np.isfinite(truth) & is_in_frame(find_matching_column(disparity))
         if self.mask:
@@ -270,7 +273,7 @@ class ForeignPair:
         )
 
     def _describe_missing(self, occlusion_known: bool) -> str:
-        """One or two sentences on the errors and metrics that are unavailable for such a pair."""
+        """Describe in one or two sentences the errors and metrics that are unavailable for such a pair."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (
             f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
@@ -280,7 +283,7 @@ class ForeignPair:
 
 @dataclass(frozen=True)
 class UnusablePair:
-    """A pair with a file that is missing, damaged or outside its data set; ``fault`` is a sentence on it."""
+    """A pair with a file that is missing, damaged or outside its data set. ``fault`` describes it in a sentence."""
 
     name: str
     folder: Path
@@ -288,18 +291,21 @@ class UnusablePair:
     fault: str
 
     def list_dependencies(self) -> list[Any]:
-        """Everything that determines its failure."""
+        """List everything that determines the pair's failure."""
         return [self.fault]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Raises IcyMoonError with the fault of the pair."""
+        """Raise IcyMoonError with the fault of the pair."""
         raise IcyMoonError(self.fault)
 
 
 def open_foreign_pair(
     name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]
 ) -> ForeignPair | UnusablePair:
-    """Return the result of ``find``, or an unusable pair if it raises IcyMoonError, so that others remain usable."""
+    """Return the result of ``find``, or an unusable pair if it raises IcyMoonError.
+
+    So other pairs remain usable.
+    """
     try:
         return find()
     except IcyMoonError as error:
@@ -311,7 +317,9 @@ def _describe_marker(value: float, kind: str) -> str:
 
 
 def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Disparities in px from a map of depths in m or of disparities, NaN without a usable number."""
+    """Convert a map of depths, m, to disparities, px, NaN where unusable. A map of ``kind`` "disparity" stays
+    unchanged.
+    """
     if kind == "disparity":
         return values
     return np.where(is_usable(values), camera.disparity(np.where(is_usable(values), values, 1.0)), np.nan)
@@ -319,7 +327,7 @@ def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 
 @dataclass(frozen=True)
 class PhotographedPair:
-    """The facts about a foreign pair that a measurement needs. Its points are in the axes of the left camera."""
+    """A foreign pair as a measurement needs it. Its points are in the axes of the left camera."""
 
     name: str
     folder: Path
@@ -327,13 +335,15 @@ class PhotographedPair:
     search_range: SearchRange
 
     def rectified_pose(self, eye: str) -> Array | None:
-        """Pose of an ``eye`` in the axes of the left eye, which the points use too: x right, y down, z ahead."""
+        """Return the pose of an ``eye`` in the axes of the left eye, which the points use too: x right, y down, z
+        ahead.
+        """
         pose = np.eye(4)
         pose[0, 3] = self.camera.find_offset_m(eye)
         return pose
 
     def row_poses(self, eye: str) -> Array | None:
-        """The ``rectified_pose``: all rows have one pose."""
+        """Return the ``rectified_pose``, because all rows have one pose."""
         return self.rectified_pose(eye)
 
 
@@ -342,6 +352,6 @@ _NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
 
 
 def make_safe_name(text: str) -> str:
-    """A name for results: characters that some systems forbid in file names are replaced."""
+    """Make a name for results: replace characters that some systems forbid in file names."""
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._ ") or "pair"
     return name if FILE_NAME.fits(name) else f"pair_{name}"

@@ -1,7 +1,7 @@
 """Finds faults in truth and predictions whose numbers are readable but have a wrong meaning.
 
-Icy Moon uses the pixels of images as stored. But a truth and a calibration may be for the image that viewers show
-turned, by the orientation in its EXIF data. So the truth must confirm such images.
+Icy Moon uses the pixels of images as stored. But a truth and a calibration may be for the image as viewers show it,
+turned by the orientation in its EXIF data. So the truth must confirm such images.
 """
 
 from __future__ import annotations
@@ -26,14 +26,13 @@ WRONG_SIGN_SHARE = 0.99
 #: Factors between units: steps of a PNG, steps of OpenCV's disparities, millimetres.
 _UNIT_FACTORS = (256.0, 16.0, 1000.0)
 #: A median ratio of prediction and truth counts as a factor between units if it differs from the factor by at most the
-#: first share, and half of the pixels' ratios differ by at most the second share. The ratios of a matcher that fails
-#: are scattered.
+#: first share, and half of the pixels' ratios by at most the second share. The ratios of a failing matcher scatter.
 _MEDIAN_TOLERANCE, _RATIO_TOLERANCE = 0.03, 0.1
 #: Factors by which numbers may be wrong: units, scales of images, feet and inches.
 _WRONG_FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
 #: Usual baselines, m, and focal lengths, as shares of the width, of stereo heads and data sets: views of 1.9 to 147°.
 _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
-#: Ratio of the mean values of both eyes' images above which a warning is given; auto-exposures differ by less.
+#: Ratio of the mean values of both eyes' images above which a warning is given. Auto-exposures differ by less.
 _MAX_BRIGHTNESS_RATIO = 2.0
 
 
@@ -54,7 +53,7 @@ class PairFiles(Protocol):
 
 
 def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: MatchedPlaces) -> list[str]:
-    """Warnings about the numbers (H, W) of a true map that the images contradict.
+    """Return warnings about the numbers (H, W) of a true map that the images contradict.
 
     Raises IcyMoonError if the numbers are impossible, or if the images fit them better in another reading.
     """
@@ -91,7 +90,7 @@ def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: Ma
 
 
 def _describe_other_causes(fault: FitFault, kind: str) -> str:
-    """Other faults with the same symptoms as wrong numbers in the map, as the end of a sentence."""
+    """Describe other faults with the same symptoms as wrong numbers in the map, as the end of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":
@@ -104,7 +103,7 @@ def _describe_other_causes(fault: FitFault, kind: str) -> str:
 
 
 def _describe_misfit(fault: FitFault, kind: str, camera: StereoCamera) -> str:
-    """The end of a sentence about a map that almost fits, without a full stop."""
+    """Describe a map that almost fits, as the end of a sentence without a full stop."""
     if fault.kind == "zoom":
         return (
             f"fits the images better as the map of a camera with a focal length of about "
@@ -122,14 +121,15 @@ def _describe_misfit(fault: FitFault, kind: str, camera: StereoCamera) -> str:
 
 
 def _measure_fault_size(fault: FitFault) -> tuple[float, bool]:
-    """The factor of a fault, at least 1, and whether it makes the numbers too large."""
+    """Return the factor of a fault, at least 1, and whether it makes the numbers too large."""
     large = fault.factor > 1
     return round_to_unit_factor(fault.factor if large else 1 / fault.factor), large
 
 
 def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
-    """Warnings about a camera unlike most stereo heads. Disparities alone do not show that one of its lengths has a
-    wrong unit.
+    """Return warnings about a camera unlike most stereo heads.
+
+    Disparities alone do not show that one of its lengths has a wrong unit.
     """
     found = []
     least, most = _BASELINES_M
@@ -149,7 +149,10 @@ def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
 
 
 def warn_dark_images(left: Array, right: Array) -> list[str]:
-    """A warning if one of two grey images (H, W) is too dark for matchers, which compare values."""
+    """Return a warning if one of two grey images (H, W) is too dark beside the other.
+
+    Matchers compare grey values.
+    """
     means = float(np.mean(left)), float(np.mean(right))
     if max(means) <= _MAX_BRIGHTNESS_RATIO * min(means):
         return []
@@ -167,8 +170,9 @@ def _list_tried_factors() -> str:
 
 
 def _describe_fault(fault: FitFault, kind: str) -> str:
-    """The end of a sentence about a map whose numbers are not ``kind``, "depth" or "disparity", with the fix, without a
-    full stop.
+    """Describe a map whose numbers are not ``kind``, "depth" or "disparity", and the remedy.
+
+    The text is the end of a sentence without a full stop.
     """
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
@@ -190,14 +194,15 @@ def _describe_fault(fault: FitFault, kind: str) -> str:
 
 
 def round_to_unit_factor(size: float) -> float:
-    """The factor between units that is equal to a measured factor within 2 %, else its first three digits."""
+    """Round a measured factor to a factor between units within 3 %, else to three digits."""
     near = min(_WRONG_FACTORS, key=lambda factor: abs(size / factor - 1))
     return near if abs(size / near - 1) <= _MEDIAN_TOLERANCE else float(f"{size:.3g}")
 
 
 def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: StereoCamera) -> None:
-    """Raise IcyMoonError if a ``disparity`` map (H, W), px, has another size, sign, unit or orientation than the pair
-    with the ``true_depth`` (H, W), m. Both are NaN where unknown.
+    """Raise IcyMoonError if a ``disparity`` map (H, W), px, has another size, sign, unit or orientation than the pair.
+
+    ``true_depth`` (H, W), m, is the pair's truth. Both maps are NaN where unknown.
     """
     true_disparity = camera.disparity(true_depth)
     check_map_size(path, disparity.shape, true_disparity.shape, "disparity")
@@ -237,8 +242,9 @@ def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: St
 def check_map_size(
     path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
 ) -> None:
-    """Raise IcyMoonError if the ``shape`` of a map of ``kind`` "depth" or "disparity" differs from ``wanted``, the
-    shape of the data that ``beside`` names. The message proposes the likely change of size.
+    """Raise IcyMoonError if the ``shape`` of a map of ``kind`` "depth" or "disparity" differs from ``wanted``.
+
+    ``wanted`` is the shape of the data that ``beside`` names. The message proposes the likely change of size.
     """
     if shape != wanted:
         raise IcyMoonError(
@@ -270,13 +276,13 @@ def _is_unit_factor(ratio: Array, factor: float) -> bool:
 
 
 def find_rotated_images(images: Sequence[Path]) -> dict[Path, int]:
-    """The images that viewers rotate, and their EXIF orientations, 2 to 8."""
+    """Find the images that viewers rotate. Return their EXIF orientations, 2 to 8, by path."""
     stated = {path: read_orientation(path) for path in images if path.suffix != ".pfm"}
     return {path: orientation for path, orientation in stated.items() if orientation != UPRIGHT}
 
 
 def refuse_rotated_images(turned: Mapping[Path, int]) -> None:
-    """Raise IcyMoonError with the fix if images are ``turned``, see ``find_rotated_images``."""
+    """Raise IcyMoonError with the remedy if images are ``turned``, see ``find_rotated_images``."""
     for path, orientation in turned.items():
         raise IcyMoonError(
             f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "

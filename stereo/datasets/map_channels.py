@@ -35,9 +35,9 @@ _PASSES_WITHOUT_MAP = (
     "ao",
     "mist",
 )
-#: Number of names that a sentence quotes.
+#: Most names that a sentence quotes.
 _MAX_QUOTED_NAMES = 6
-#: Components of a vector (two or more of them are no map), colours of a picture, and the picture's opacity.
+#: Components of a vector, colours of a picture, and its opacity. Two or more components of a vector are no map.
 _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
 
@@ -45,8 +45,9 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
     """Choose the channel among ``names`` that holds a map of ``kind`` "depth" or "disparity".
 
     Names of layers and passes count first, then the usual names of channels. A component such as Z is a depth in a pass
-    called Depth, and a direction in one called Normal or beside an X and a Y. Raises RefusedError if several layers may
-    hold the map, or none; the fix for truth is to state the channel in ``pairs.toml``, which ``predicted`` maps lack.
+    called Depth, but a direction in a pass called Normal or beside an X and a Y. Raises RefusedError if several layers
+    may hold the map, or none. The remedy for truth is to state the channel in ``pairs.toml``; ``predicted`` maps have
+    no such file.
     """
     if len(names) == 1:
         return names[0]
@@ -70,15 +71,16 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
 
 
 def find_sibling_colours(name: str, names: Sequence[str]) -> list[str]:
-    """The other colours of the picture that contains a channel; empty if it is not a colour."""
+    """Find the other colours of the picture that contains a channel; empty if the channel is not a colour."""
     layer, dot, own = name.rpartition(".")
     others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
     return [each for each in others if each in names]
 
 
 def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:
-    """Raise RefusedError, since a channel belongs to a picture of different colours. A map may be three equal
-    channels.
+    """Raise RefusedError, because a channel belongs to a picture of different colours.
+
+    The caller accepts three equal channels, which may be a map.
     """
     raise RefusedError(
         f"has the channels {_list_names(names)}, of which {shorten(name)} is a colour of a picture and none "
@@ -96,7 +98,7 @@ def _ask_for_channel(kind: str, predicted: bool) -> str:
 
 
 def find_stated_channel(names: Sequence[str], stated: str) -> str:
-    """The stated ``truth.channel`` among ``names``. Raises RefusedError if it is missing."""
+    """Return the stated ``truth.channel`` if ``names`` has it. Raises RefusedError if it is missing."""
     if stated not in names:
         raise RefusedError(
             f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
@@ -106,7 +108,10 @@ def find_stated_channel(names: Sequence[str], stated: str) -> str:
 
 
 def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> str:
-    """Choose the array of an npz with the name ``kind``, else its only array. Raises RefusedError without either."""
+    """Choose the array of an npz with the name ``kind``, else its only array.
+
+    Raises RefusedError if there is neither.
+    """
     if kind in names:
         return kind
     if len(names) == 1:
@@ -118,7 +123,7 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
 
 
 def _list_names(names: Sequence[str]) -> str:
-    """Join the first names, in full, in the form that a user has to type."""
+    """Join the first names, in the form that a user has to type."""
     shown = [shorten(name) for name in names[:_MAX_QUOTED_NAMES]]
     return ", ".join([*shown, *([f"{len(names) - _MAX_QUOTED_NAMES} more"] if len(names) > _MAX_QUOTED_NAMES else [])])
 
@@ -128,7 +133,7 @@ def _pluralise_kind(kind: str) -> str:
 
 
 def _group_candidates(names: Sequence[str], kind: str) -> list[list[str]]:
-    """Groups of channels of different layers that may hold the map, the likeliest group first."""
+    """Group channels of different layers that may hold the map, the likeliest group first."""
     other_words = [
         name for name in names if not any(layer.startswith(_PASSES_WITHOUT_MAP) for layer in _split_words(name)[:-1])
     ]
@@ -158,7 +163,7 @@ def _split_words(name: str) -> list[str]:
 
 
 def _drop_repeated_colours(names: Sequence[str]) -> list[str]:
-    """These channels with only the first colour of each layer, since a depth may be stored as three equal colours."""
+    """Keep only the first colour of each layer, because a depth may be stored as three equal colours."""
     found: dict[str, str] = {}
     for name in sorted(names, key=lambda name: "RGB".find(name.rpartition(".")[2])):
         layer, _, own = name.rpartition(".")
@@ -167,7 +172,7 @@ def _drop_repeated_colours(names: Sequence[str]) -> list[str]:
 
 
 def _is_vector_component(name: str, names: Sequence[str]) -> bool:
-    """Whether a channel is a component of a vector, by the channels beside it."""
+    """Return whether a channel is a component of a vector, judged by the channels beside it."""
     layer, _, own = name.rpartition(".")
     beside = {each.rpartition(".")[2].lower() for each in names if each.rpartition(".")[0] == layer} & _VECTOR
     return own.lower() in beside and len(beside) > 1

@@ -12,7 +12,8 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ..measure.fit_check import MatchedPlaces, are_mostly_at_disparity, read_as_disparity
 
-#: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
+#: Least share of an image that a plateau covers, and the least factor by which it is nearer or farther than all other
+#: points.
 _MIN_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
 #: Least distance of a plateau from all other values, in units of the smallest step between them. The levels of a coarse
 #: map are one step apart.
@@ -23,7 +24,7 @@ def find_markers(values: Array, kind: str, camera: StereoCamera, places: Matched
     """Find the values that mean "unknown" in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
     Such a value is the nearest or the farthest, is the same to the bit in many pixels, and is far beyond all others, or
-    is the only negative disparity. A value that the images confirm there is a real surface: a wall.
+    is the only negative disparity. A value that the images confirm is a real surface, such as a wall, and no marker.
     """
     return tuple(
         value
@@ -33,7 +34,7 @@ def find_markers(values: Array, kind: str, camera: StereoCamera, places: Matched
 
 
 def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces, nearest: bool) -> float | None:
-    """The value of the plateau at one end of the range; None without a plateau."""
+    """Find the value of the plateau at one end of the range; None without a plateau."""
     disparity = read_as_disparity(values, kind, camera)
     known = disparity > -camera.doffs_px  # no surface is at the horizon or behind the camera
     if not known.any():
@@ -53,7 +54,8 @@ def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Matche
 
 
 def is_possible(disparity: Array) -> Array:
-    """Pixels (H, W), bool, whose disparity in px is smaller than the width of the map, so that both images can show the
-    point, or is NaN.
+    """Find the pixels (H, W), bool, whose disparity in px is smaller than the width of the map, or NaN.
+
+    A larger disparity is impossible, because both images cannot show such a point.
     """
     return ~(np.abs(disparity) >= disparity.shape[1])

@@ -1,4 +1,4 @@
-"""A plain folder of pairs: ``pairs.toml`` names the images, the truth and the camera.
+"""Reads a plain folder of pairs: ``pairs.toml`` names the images, the truth and the camera.
 
     [images]
     left = "left/{pair}.png"
@@ -9,7 +9,7 @@
     focal_px = 341.3333
     baseline_m = 0.25
 
-``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are in proportion to light).
+``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are proportional to light).
 ``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (counts of the file per px or metre),
 ``channel`` (the name of the channel of an EXR file, or of the array of an npz, that holds the map),
 ``along`` ("ray" for distances from the eye, "axis" for depths along the optical axis),
@@ -42,7 +42,7 @@ PAIRS_FILE = "pairs.toml"
 _NAME_PLACE = "{pair}"
 _NONZERO = Kind("a number other than 0", lambda value: is_number(value) and value != 0)
 _DEPTH_DIRECTION = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
-#: A focal length (px) or a baseline (m). Outside these limits the product of both overflows or underflows.
+#: A focal length (px) or a baseline (m). Outside these limits, the product of the two overflows or underflows.
 _CAMERA_LENGTH = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)
 _FILE_SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
@@ -78,7 +78,7 @@ _WRITE_AS_IN_MANUAL = "write it as the manual's page on foreign data shows"
 def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     """Find the pairs that a folder's ``pairs.toml`` names; empty without this file.
 
-    Raises IcyMoonError for a wrong file, and if no left image exists or a named file exists for no pair.
+    Raises IcyMoonError if the file is wrong, if no left image exists, or if a named file exists for no pair.
     """
     if not (root / PAIRS_FILE).exists():
         return []
@@ -111,7 +111,7 @@ def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
 
 
 def _find_truth_kind(path: Path, patterns: dict[str, str]) -> str:
-    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError unless exactly one is named."""
+    """Return whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError unless exactly one is named."""
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
         raise IcyMoonError(
@@ -127,7 +127,7 @@ def _find_truth_kind(path: Path, patterns: dict[str, str]) -> str:
 
 
 def parse_pairs_toml(path: Path) -> dict[str, Any]:
-    """The content of a ``pairs.toml``. Raises IcyMoonError for an unknown, missing or wrong key."""
+    """Parse the content of a ``pairs.toml``. Raises IcyMoonError for an unknown, missing or wrong key."""
     try:
         data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
@@ -160,7 +160,7 @@ def _check_pattern(path: Path, key: str, pattern: str) -> str:
 
 
 def _list_pair_names(root: Path, pattern: str) -> list[str]:
-    """The names of all pairs with a left image, sorted."""
+    """List the names of all pairs with a left image, sorted."""
     wildcard = "*".join(glob.escape(part) for part in pattern.split(_NAME_PLACE))
     first, *rest = (re.escape(part) for part in pattern.split(_NAME_PLACE))
     matching = re.compile(first + r"(?P<pair>[^/]+?)" + "(?P=pair)".join(rest))
@@ -177,7 +177,7 @@ def _make_pair(
     steps, along_ray = data["truth"].get("steps"), data["truth"].get("along") == "ray"
     channel = data["truth"].get("channel")
     if along_ray and kind != "depth":
-        raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
+        raise IcyMoonError(f"{path}: truth.along applies to depths, but the truth has disparities; leave it out.")
     return ForeignPair(
         make_safe_name(name),
         root,

@@ -1,4 +1,4 @@
-"""Disparities from other programs, one file per pair, evaluated like a method."""
+"""Reads disparities of other programs, one file per pair, which are evaluated like a method."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PREDICTION = "prediction"
 PREDICTION_SUFFIXES = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
 #: Most files of a folder that are searched for a prediction under another name.
 _MAX_SEARCHED_FILES = 1000
-#: Quantities that a file beside a disparity may state; its name ends in the quantity.
+#: Quantities that a file beside a disparity may state. The file's name ends in the quantity.
 _STATED = (CONFIDENCE, ERROR_PX)
 _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 
@@ -37,8 +37,8 @@ _METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
     """Parse ``NAME=FOLDER`` texts to methods; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
-    A folder without any prediction is accepted beside other methods: ``find_prediction`` reports it later. Raises
-    IcyMoonError for any other text, a name in use, a path that is not a folder, and if no method would have a result.
+    A folder without any prediction is accepted beside other methods, and ``find_prediction`` reports it later. Raises
+    IcyMoonError if a text has another form, a name is in use, a path is not a folder, or no method would have a result.
     """
     found: list[Method] = []
     empty: list[str] = []
@@ -64,7 +64,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
 
 
 def find_prediction(method: Method, pair: str) -> Path:
-    """The file with a pair's disparity. Raises IcyMoonError if no file or several exist."""
+    """Find the file with a pair's disparity. Raises IcyMoonError if no file or several exist."""
     root = Path(method.options["folder"])
     found = _find_prediction_files(root, pair)
     if not found:
@@ -83,8 +83,10 @@ def _find_prediction_files(root: Path, pair: str) -> list[Path]:
 
 
 def _find_misnamed_file(root: Path, pair: str) -> Path | None:
-    """The only file that may be a prediction and whose name contains the ``pair`` as a whole word; None without one or
-    with several."""
+    """Find the only file that may be a prediction and whose name contains the ``pair`` as a whole word.
+
+    None without such a file or with several.
+    """
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
         found = [
@@ -101,8 +103,11 @@ def _find_misnamed_file(root: Path, pair: str) -> Path | None:
 
 
 def find_confidence(method: Method, pair: str) -> tuple[Path, str] | None:
-    """The file beside a pair's disparity with its confidence, PAIR_confidence, or its expected error, PAIR_error_px,
-    and the kind of its numbers; None without one. Raises IcyMoonError if there are several."""
+    """Find the file with the confidence or the expected error of a pair's disparity, and the kind of its numbers.
+
+    The file is PAIR_confidence or PAIR_error_px beside the disparity; None without one. Raises IcyMoonError if there
+    are several.
+    """
     root = Path(method.options["folder"])
     found = [(path, kind) for kind in _STATED for path in _find_prediction_files(root, f"{pair}_{kind}")]
     if len(found) > 1:
@@ -112,8 +117,11 @@ def find_confidence(method: Method, pair: str) -> tuple[Path, str] | None:
 
 
 def _read_confidence(path: Path, kind: str, measured: Array) -> Array:
-    """A confidence, float32 (H, W) from 0 to 1, of the ``measured`` pixels. In a PNG of a confidence the largest
-    number, 255 or 65535, is 1; a PNG of an error has 256 steps per px. Unlike in a disparity, 0 is a number."""
+    """Read a confidence, float32 (H, W) from 0 to 1, of the ``measured`` pixels.
+
+    In a PNG of a confidence the largest number, 255 or 65535, is 1; a PNG of an error has 256 steps per px. Unlike in a
+    disparity, 0 is a number.
+    """
     if kind == CONFIDENCE and path.suffix == ".png":
         image = read_png(path, decode)
         return Confidence(image / np.iinfo(image.dtype).max, kind).check(str(path), measured)
@@ -121,7 +129,7 @@ def _read_confidence(path: Path, kind: str, measured: Array) -> Array:
 
 
 def read_prediction(method: Method, prepared: PreparedPair) -> tuple[Array, dict[str, Any]]:
-    """The disparity, float32 (H, W), NaN where invalid, and an ``info`` like the one of ``match``.
+    """Read the disparity, float32 (H, W), NaN where invalid. Return it with an ``info`` as ``match`` returns.
 
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
     """

@@ -1,5 +1,6 @@
-"""Finds the pixels of the left eye whose point is visible in the right eye, by a mask or by the right eye's truth. Both
-are checked against the left eye's truth.
+"""Finds the pixels of the left eye whose point is visible in the right eye, by a mask or by the right eye's truth.
+
+Both are checked against the left eye's truth.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ _MASK_VALUES = (0, 128, 255)
 _MAX_OTHER_VALUES = 0.1
 #: Fewest hidden pixels for which a mask is checked against the truth.
 _FEWEST_HIDDEN_PX = 150
-#: Least overlap (intersection over union) of the hidden pixels by another reading of the mask and by the truth, and its
-#: least ratio to the overlap of the stated reading, for the other reading to count as right.
+#: Another reading of the mask counts as right if its hidden pixels overlap the truth's by at least the first number
+#: (intersection over union), and by at least the second number times the overlap of the stated reading.
 _MIN_OVERLAP, _MIN_OVERLAP_RATIO = 0.5, 2.0
 
 
@@ -37,8 +38,8 @@ _MIN_OVERLAP, _MIN_OVERLAP_RATIO = 0.5, 2.0
 class Mask:
     """Image files that mark the pixels whose point is visible in the right eye.
 
-    ``kind`` is "seen" (255 for a seen point, as Middlebury's nocc), "hidden" (other than 0 for a hidden point in one of
-    the files, as Sintel's occlusions), or "known" (a disparity for a seen point, as KITTI's noc).
+    ``kind`` is "seen" (255 for a visible point, as in Middlebury's nocc), "hidden" (other than 0 in one of the files
+    for a hidden point, as in Sintel's occlusions), or "known" (a disparity for a visible point, as in KITTI's noc).
     """
 
     kind: str
@@ -49,8 +50,7 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
     """Return the pixels (H, W), bool, whose point the right eye sees according to ``mask``.
 
     ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
-    size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
-    reading.
+    size or values that no mask has, if it marks no pixel with a truth, or if it fits the truth only in another reading.
     """
     first = mask.files[0]
     if mask.kind == "known":
@@ -91,7 +91,7 @@ def _check_numbers(path: Path, mask: Array) -> None:
 
 
 def find_better_reading(seen: Array, disparity: Array) -> str | None:
-    """Another reading of ``seen``, in words, if it fits the truth far better; else None.
+    """Return in words another reading of ``seen`` that fits the truth far better; None without one.
 
     ``seen`` (H, W), bool, marks the pixels that the right eye sees. ``disparity`` (H, W), px, is the left eye's truth.
     None also if almost nothing is hidden.
@@ -123,10 +123,10 @@ def make_right_camera(camera: StereoCamera) -> StereoCamera:
 
 
 def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, disparity: Array) -> list[str]:
-    """Warnings about the map ``values`` (H, W) of the right eye that the left eye's true ``disparity`` (H, W), px, NaN
-    where unknown, contradicts.
+    """Return warnings about a map ``values`` (H, W) of the right eye that contradicts the left eye's truth.
 
-    Raises IcyMoonError if it cannot be right, or fits the left eye's truth only in another reading.
+    ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the map is impossible,
+    or fits the left eye's truth only in another reading.
     """
     known = np.isfinite(values)
     if not known.any():
@@ -155,9 +155,12 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
 
 
 def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparity: Array) -> FitFault | None:
-    """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
-    eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
-    # Mirrored, the right eye is the left eye of a pair. Its points are where the left eye's truth puts them.
+    """Find the fault of the right eye's map ``values`` (H, W) by the left eye's true ``disparity`` (H, W), px.
+
+    ``kind`` is "depth" (m) or "disparity" (px) of the values; both maps are NaN where unknown. None if they fit. The
+    fault "right_eye" means that the values are the left eye's map.
+    """
+    # In a mirror, the right eye is the left eye of a pair, and its points are where the left eye's truth puts them.
     right = make_right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)
     return find_fault(values[:, ::-1], kind, mirrored, make_true_places(warp_to_other_eye(disparity, "left")[:, ::-1]))

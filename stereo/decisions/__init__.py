@@ -1,1 +1,1 @@
-"""From a matcher's depth to decisions on a lander's workspace, and their differences from decisions by the truth."""
+"""Decisions on a lander's workspace from a matcher's depth, and their differences from decisions by the truth."""

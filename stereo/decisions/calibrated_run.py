@@ -36,7 +36,8 @@ class CalibrationOrder:
 class Verdicts:
     """A run's conclusions with their confidence: sentences, and entries of ``decisions.json``.
 
-    ``entries`` are the matchers of the calibration that is made, ``refusal`` the reason why it is not.
+    ``entries`` are the entries of a new calibration by matcher. ``refusal`` is the reason if no calibration could be
+    made, else empty.
     """
 
     sentences: Sequence[str] = ()
@@ -56,7 +57,10 @@ class CalibratedRun:
     used: Calibration | None = None
 
     def judge(self, rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], Verdicts]:
-        """The rows, with the entry ``guarantee`` if a calibration is used, and the verdicts of the run."""
+        """Return the rows and the verdicts of the run.
+
+        If a calibration is used, each row has the entry ``guarantee``.
+        """
         plain = [dict(row) for row in rows]
         if self.used is not None:
             marked, guarantee = apply_calibration(self.used, plain, self.stated)
@@ -70,7 +74,7 @@ class CalibratedRun:
         return plain, Verdicts(make_sentences(entries, self.order.goal), entries=entries)
 
     def write(self, verdicts: Verdicts) -> None:
-        """Write the calibration if one is made. Raises IcyMoonError if the grounds do not give it."""
+        """Write the calibration if one is made. Raises IcyMoonError with the reason if the grounds do not allow one."""
         if verdicts.refusal:
             raise IcyMoonError(verdicts.refusal)
         if self.order is not None and verdicts.entries is not None:
@@ -85,11 +89,12 @@ def prepare_calibrated_run(
     run: CalibratedRun,
     file: Path | None,
 ) -> CalibratedRun:
-    """The run with the statements of the pairs in ``folders``, by name, and the calibration in ``file``, if given. A
-    site that several pairs show has all their folders.
+    """Return the run with the statements of the pairs in ``folders``, by name, and the calibration in ``file``, if
+    given.
 
-    ``cell_m`` is the side of a cell of pairs that state none. Raises IcyMoonError for a calibration that these pairs
-    cannot give, or that does not hold for them. A pair that cannot be read is reported when its turn comes.
+    A site that several pairs show has several folders. ``cell_m`` is the side of a cell of pairs that state none.
+    Raises IcyMoonError if these pairs cannot give the calibration, or if it does not hold for them. A pair that cannot
+    be read is left out here and reported when its turn comes.
     """
     order = run.order
     if order is None and file is None:

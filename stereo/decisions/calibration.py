@@ -1,4 +1,4 @@
-"""Calibrates decisions: the margin from which on a chosen site is guaranteed, from the losses of grounds.
+"""Calibrates decisions: finds from the losses on grounds the margin from which on a chosen site is guaranteed.
 
 A ground has one loss, the worst of its pairs. The loss of the *choice* is 1 if the chosen site has the margin and is
 unsafe, else 0: an abstention has no loss. The loss of the *map* is the unsafe share of the cells with the margin, the
@@ -37,7 +37,7 @@ LEARN_THEN_TEST, CONFORMAL = "learn-then-test", "conformal"
 PROCEDURES = {LEARN_THEN_TEST: "Learn-then-Test", CONFORMAL: "conformal risk control"}
 #: The p-value up to which a ground counts as unlike the calibration grounds.
 MAX_UNLIKE_P = 0.05
-#: Limits of alpha and delta. Smaller ones take more grounds than anyone renders.
+#: Limits of alpha and delta. Smaller values would need more grounds than anyone renders.
 MIN_RISK, MAX_RISK = 0.001, 0.5
 #: The risks that a calibration limits.
 CHOICE, MAP = "choice", "map"
@@ -48,7 +48,7 @@ _Rows = Sequence[Mapping[str, Any]]
 class Goal:
     """The goal of a calibration: risks of at most ``alpha``, with the confidence 1 - ``delta`` by Learn-then-Test.
 
-    ``group_by`` are the settings by whose values grounds are in groups; a threshold is the strictest of all groups.
+    Grounds are grouped by the values of the settings ``group_by``; a threshold is the strictest of all groups.
     """
 
     alpha: float = 0.05
@@ -57,7 +57,7 @@ class Goal:
     group_by: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raise IcyMoonError for a risk or doubt out of range, or an unknown procedure."""
+        """Raise IcyMoonError if a risk or doubt is out of range, or the procedure is unknown."""
         if self.procedure not in PROCEDURES:
             known = " or ".join(PROCEDURES)
             raise IcyMoonError(f"--procedure is {quote(self.procedure)}; give {known}.")
@@ -67,7 +67,7 @@ class Goal:
 
     @property
     def fewest_grounds(self) -> int:
-        """The fewest grounds of a group: enough for a threshold, and for the test of likeness."""
+        """The fewest grounds of a group that are enough for a threshold and for the test of likeness."""
         fewest = (
             count_fewest_grounds(self.alpha, self.delta)
             if self.procedure == LEARN_THEN_TEST
@@ -76,15 +76,17 @@ class Goal:
         return max(fewest, count_fewest_on_average(MAX_UNLIKE_P))
 
     def find_threshold(self, losses: Array, shares: bool = False) -> int | None:
-        """Index of the most permissive threshold for losses (grounds, thresholds), 0 or 1 or ``shares``; None without
-        an accepted one.
+        """Return the index of the most permissive accepted threshold for losses (grounds, thresholds); None if none is
+        accepted.
+
+        Losses are 0 or 1, or with ``shares`` numbers from 0 to 1.
         """
         if self.procedure == LEARN_THEN_TEST:
             return find_confident_threshold(losses, self.alpha, self.delta, shares)
         return find_average_threshold(losses, self.alpha)
 
     def describe(self) -> str:
-        """The guarantee in words, as the beginning of a sentence."""
+        """Describe the guarantee in words, as the beginning of a sentence."""
         risk = f"at most {100 * self.alpha:g} % of grounds of this kind get an unsafe site"
         if self.procedure == LEARN_THEN_TEST:
             return f"with {100 * (1 - self.delta):g} % confidence, {risk}"
@@ -93,7 +95,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GroundLosses:
-    """The decisions of a matcher on the n grounds of a group, at the T thresholds."""
+    """Decisions of a matcher on the n grounds of a group, at the T thresholds."""
 
     grounds: list[str]
     choice: Array  # (n, T), 0 or 1
@@ -103,7 +105,7 @@ class GroundLosses:
 
 
 def count_fewest_pairs(stated: Sequence[StatedPair]) -> int:
-    """The fewest pairs of a ground in a group."""
+    """Return the smallest number of pairs of a ground in a group."""
     return min(Counter((pair.ground, pair.group) for pair in stated).values())
 
 
@@ -132,7 +134,7 @@ def _refuse_few_grounds(grounds: int, group: str, goal: Goal, why: str = "") -> 
 def calibrate_matchers(
     rows: _Rows, stated: Mapping[str, StatedPair], inputs: Mapping[str, str], goal: Goal
 ) -> dict[str, dict[str, Any]]:
-    """The entries of the calibration file by label.
+    """Return the entries of the calibration file by label.
 
     ``rows`` come from ``decide``, ``stated`` are the statements of pairs by name, ``inputs`` digests of the matchers by
     label. Raises IcyMoonError if a group has too few grounds on which a matcher could be judged, or if no site of any
@@ -174,8 +176,11 @@ def _calibrate_matcher(label: str, rows: _Rows, stated: Mapping[str, StatedPair]
 def _calibrate_risk(
     losses: Sequence[Array], groups: Sequence[GroundLosses], goal: Goal, shares: bool
 ) -> dict[str, Any]:
-    """The strictest of the thresholds that the groups need for their losses (grounds, thresholds), None if a group has
-    none, and what all grounds have at it: the number that act and their loss."""
+    """Return the entry of a risk for the groups' losses (grounds, thresholds).
+
+    ``threshold`` is the strictest threshold that a group needs, None if a group has none. ``acted`` and ``loss`` are
+    the number of grounds that act at this threshold, and their sum of losses.
+    """
     found = [goal.find_threshold(each, shares) for each in losses]
     accepted = [at for at in found if at is not None]
     at = min(accepted) if accepted and len(accepted) == len(found) else None
@@ -189,8 +194,9 @@ def _calibrate_risk(
 
 
 def collect_losses(rows: _Rows, stated: Mapping[str, StatedPair]) -> GroundLosses:
-    """The losses of a matcher's rows on the pairs of a group. A ground with a pair that failed or contradicts itself is
-    left out.
+    """Return the losses of a matcher's rows on the pairs of a group.
+
+    A ground is left out if one of its pairs failed or contradicts itself.
     """
     by_ground: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
@@ -209,7 +215,7 @@ def collect_losses(rows: _Rows, stated: Mapping[str, StatedPair]) -> GroundLosse
 
 
 def _find_curves(row: Mapping[str, Any]) -> tuple[Array, Array, Array]:
-    """The losses of choice and map, and whether a site is chosen, at all thresholds, by a row of ``decide``."""
+    """Return the losses of choice and map, and whether a site is chosen, at all thresholds for a row of ``decide``."""
     sites = row["numbers"]["sites"]
     margin = sites["chosen_margin"]
     acted = np.array(THRESHOLDS) <= (-np.inf if margin is None else margin)
@@ -222,17 +228,17 @@ def _find_curves(row: Mapping[str, Any]) -> tuple[Array, Array, Array]:
 
 
 def has_margin(sites: Mapping[str, Any], threshold: float | None) -> bool:
-    """Whether a site is chosen that has this margin; never without a threshold."""
+    """Return whether a site is chosen and has at least this margin; False without a threshold."""
     return threshold is not None and sites["chosen_margin"] is not None and sites["chosen_margin"] >= threshold
 
 
 def average_features(rows: _Rows) -> list[float]:
-    """The means of ``workspace.FEATURES`` over the rows of a ground."""
+    """Average ``workspace.FEATURES`` over the rows of a ground."""
     return np.mean([[row["numbers"]["features"][name] for name in FEATURES] for row in rows], axis=0).tolist()
 
 
 def make_sentences(entries: Mapping[str, Mapping[str, Any]], goal: Goal) -> list[str]:
-    """The calibration in words: a sentence for each matcher, and one on the groups."""
+    """Describe the calibration in words: a sentence for each matcher, and one on the groups."""
     found = []
     for label, entry in entries.items():
         name, choice = name_matcher(label), entry[CHOICE]
@@ -256,5 +262,5 @@ def make_sentences(entries: Mapping[str, Mapping[str, Any]], goal: Goal) -> list
 
 
 def name_matcher(label: str) -> str:
-    """The name of a matcher or of the true depth in a sentence."""
+    """Return the name of a matcher or of the true depth in a sentence."""
     return "the true depth" if label == TRUE_DEPTH else describe_method(label)

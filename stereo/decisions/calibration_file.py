@@ -23,7 +23,7 @@ from .scores import THRESHOLDS
 from .workspace import FEATURES
 
 FORMAT, VERSION = "icymoon-decision-calibration", 2
-#: Most bytes of a file: some ten thousand grounds.
+#: Most bytes of a file, enough for some ten thousand grounds.
 _MAX_BYTES = 2**24
 _CALIBRATE_AGAIN = "write it again with decide --calibrate"
 _RISK = Kind(
@@ -36,7 +36,7 @@ _FEATURES = Kind(
     f"a list of {len(FEATURES)} numbers",
     lambda value: isinstance(value, list) and len(value) == len(FEATURES) and all(map(is_number, value)),
 )
-#: The names, in a sentence, of the conditions that decisions must share with a calibration.
+#: The conditions that decisions must share with a calibration, and their names in a sentence.
 _CONDITIONS = {
     "decisions": "version of the decisions",
     "rules": "rules",
@@ -87,7 +87,7 @@ class Conditions:
     suns: int = 1  # of each site, whose disparities are joined
 
     def to_json(self) -> dict[str, Any]:
-        """The entries of the file."""
+        """Return the entries of the file."""
         return {
             "decisions": self.decisions,
             "rules": self.rules.to_json(),
@@ -99,7 +99,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration that was read. ``entries`` come from ``calibration.calibrate_matchers`` by label."""
+    """A calibration that was read. ``entries`` by label come from ``calibration.calibrate_matchers``."""
 
     path: Path
     goal: Goal
@@ -111,7 +111,7 @@ class Calibration:
 
 
 def check_target(path: Path) -> None:
-    """Raise IcyMoonError if a calibration cannot be written to ``path`` because another file or a folder is there."""
+    """Raise IcyMoonError if ``path`` is a folder, or a file that is not a calibration of this version."""
     if path.is_dir():
         raise IcyMoonError(f"--calibrate: {path} is a folder; give the path of a file.")
     if is_file(path):
@@ -130,7 +130,7 @@ def write_calibration(
     stated: Sequence[StatedPair],
     entries: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write a calibration from these pairs, with a digest of its content."""
+    """Write a calibration made from these pairs, with a digest of its content."""
     devices = {name: sorted({pair.devices[name] for pair in stated}) for name in stated[0].devices}
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -149,7 +149,7 @@ def write_calibration(
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration. Raises IcyMoonError for a file that is missing, damaged, changed or of another version."""
+    """Read a calibration. Raises IcyMoonError if the file is missing, damaged, changed or of another version."""
     data = read(path, _parse, "a calibration of decisions", _CALIBRATE_AGAIN, most=_MAX_BYTES)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not a calibration of decisions; give a file that decide --calibrate wrote.")
@@ -179,7 +179,7 @@ def _parse(foreign: ForeignBytes) -> Any:
 
 
 def _check_content(data: Mapping[str, Any], path: Path) -> None:
-    """Raise IcyMoonError for numbers that no calibration can have."""
+    """Raise IcyMoonError if the file states numbers that no calibration can have."""
     entries = data["matchers"].values()
     groups = [group for entry in entries for group in entry["groups"]]
     fewest = Goal(data["goal"]["alpha"], data["goal"]["delta"], data["goal"]["procedure"]).fewest_grounds
@@ -197,7 +197,7 @@ def _check_content(data: Mapping[str, Any], path: Path) -> None:
 
 
 def _can_follow(risk: Mapping[str, Any], groups: Sequence[Mapping[str, Any]], goal: Goal) -> bool:
-    """Return whether a margin with this sum of losses can be the strictest of its groups."""
+    """Return whether the margin of a risk with this sum of losses can be the strictest of its groups."""
     grounds, by_group = sum(group["grounds"] for group in groups), risk["by_group"]
     strictest = None if None in by_group else max(by_group, default=None)
     if len(by_group) != len(groups) or risk["threshold"] != strictest or risk["acted"] > grounds:
@@ -219,10 +219,10 @@ def check_use(
     stated: Mapping[str, StatedPair],
     inputs: Mapping[str, str],
 ) -> None:
-    """Raise IcyMoonError, one sentence, unless the calibration holds for these decisions: the same version, rules,
-    matchers and devices, and no ground in common.
+    """Raise IcyMoonError unless the calibration holds for these decisions.
 
-    ``stated`` are the statements of pairs by name, ``inputs`` digests of the matchers by label.
+    It holds for the same version, rules, matchers and devices, and for no ground of the calibration itself. ``stated``
+    are the statements of pairs by name, ``inputs`` digests of the matchers by label.
     """
     refused = f"{calibration.path} gives no guarantee here:"
     own = conditions.to_json()

@@ -27,7 +27,7 @@ _TOPICS_BY_DEVICE = {
     "render quality": ("quality",),
     "lander": ("lander", "arm"),
 }
-#: Settings that change no image of one render, or only the noise that is drawn.
+#: Settings that change at most the random noise of an image.
 _SETTINGS_LEFT_OUT = ("noise_seed",)
 CELLS, SIZE, TRUTH = "size of cells", "size of the workspace", "kind of true heights"
 
@@ -44,7 +44,7 @@ class StatedPair:
 def state_pair(
     pair: Pair, response: Mapping[str, Mapping[str, Any]], group_by: Sequence[str], cell_m: float
 ) -> StatedPair:
-    """The statements of a pair that is developed with ``response``.
+    """Return the statements of a pair that is developed with ``response``.
 
     ``group_by`` are names of settings, ``topic.key``. ``cell_m`` is the side of a cell if the pair states none.
     """
@@ -70,8 +70,9 @@ def state_pair(
 
 
 def join_statements(pairs: Sequence[StatedPair]) -> StatedPair:
-    """The statements of a site that several pairs show. Ground and group are from the last pair. Devices that differ,
-    as in exposure, become a digest of all of them.
+    """Join the statements of the pairs that show one site. Ground and group are from the last pair.
+
+    A device that differs between the pairs, as in exposure, becomes a digest of all its digests.
     """
     last = pairs[-1]
     devices = {name: sorted({pair.devices[name] for pair in pairs}) for name in last.devices}
@@ -80,13 +81,13 @@ def join_statements(pairs: Sequence[StatedPair]) -> StatedPair:
 
 
 def name_group(settings: Mapping[str, Mapping[str, Any]], group_by: Sequence[str]) -> str:
-    """Name the group by its settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
+    """Name the group by the values of its settings, such as ``light.sun_elevation_deg=30``; empty without settings."""
     values = [name.split(".") for name in group_by]
     return ", ".join(f"{topic}.{key}={_show_value(settings[topic][key])}" for topic, key in values)
 
 
 def check_group_settings(group_by: Sequence[str]) -> None:
-    """Raise IcyMoonError unless these are names of different settings that a group can be named by."""
+    """Raise IcyMoonError unless ``group_by`` are different settings by which a group can be named."""
     known = {
         f"{topic.key}.{setting.key}"
         for topic in TOPICS.values()

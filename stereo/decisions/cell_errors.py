@@ -1,15 +1,15 @@
-"""Errors of the heights of cells, as a lander can state them: heights that fill small gaps, the error of a cell with
-few pixels, and the bias that both give to the roughness and the slope of a footprint.
+"""Errors of the heights of cells, as a lander can state them.
 
+Heights fill small gaps, a cell with few pixels has an error, and both bias the roughness and the slope of a footprint.
 With heights ``z`` of the n cells under a footprint, r̂² their mean square distance from their least-squares plane, and
 errors of the variance σ² that are independent from cell to cell,
 
     E[r̂²] = r² + σ² (1 - 3/n)        a plane has three parameters, which take their share of the errors
     E[ŝ²] = s² + 2 σ² / (n q)         slope s, as rise per metre; q = mean square of a coordinate under the disc
 
-so both are debiased by subtraction. Errors that m neighbouring cells share count as n/m independent ones. A filled
-cell lies on a plane through its neighbours and is smoother than the ground. The same planes smooth the known cells too:
-their loss is measured there, and is added to r².
+so both are debiased by subtraction. Errors that m neighbouring cells share count as n/m independent ones. A filled cell
+lies on a plane through its neighbours and is smoother than the ground. The loss by this smoothing is measured on the
+known cells, which the same planes smooth too, and is added to r².
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ class CellErrors:
     """Stated errors of the heights of an elevation model, arrays (rows, columns)."""
 
     variance_m2: Array  # of the measured heights; NaN in cells without a measured height
-    shared_cells: Array  # the number of neighbouring cells with the same error, 1 or more
+    shared_cells: Array  # number of neighbouring cells with the same error, 1 or more
     filled: Array  # bool: the cells whose heights are filled
     filled_variance_m2: Array  # of filled heights; NaN elsewhere
-    filled_loss_m2: Array  # the mean square distance from the footprint's plane that filling loses; NaN elsewhere
+    filled_loss_m2: Array  # mean square distance from the footprint's plane that is lost by filling; NaN elsewhere
 
 
 def state_errors(dem: Dem, variance_m2: Array, shared_cells: Array | None = None) -> CellErrors:
-    """Errors of an elevation model without filled cells."""
+    """Return the errors of an elevation model without filled cells."""
     shape = dem.height_m.shape
     shared = np.ones(shape) if shared_cells is None else np.maximum(shared_cells, 1.0)
     nothing = np.full(shape, np.nan)
@@ -54,7 +54,7 @@ def fill_gaps(dem: Dem, errors: CellErrors, gap_m: float, disc_m: float, most_er
     A filled height is the value of a plane that is fitted to a ring of known cells, without cells nearer than half the
     gap. Its variance is the larger of two: the mean square error of such planes at the known cells of the footprint
     ``disc_m``, and the mean square residual of the ring, which is larger beside a step. The plane's rise across the gap
-    adds to it, because a step may lie anywhere in the gap. A gap stays where the standard deviation is above
+    adds to the variance, because a step may lie anywhere in the gap. A gap stays where the standard deviation is above
     ``most_error_m``. Nothing is filled if ``gap_m`` is less than a cell.
     """
     cell = dem.grid.cell_m
@@ -86,12 +86,13 @@ def fill_gaps(dem: Dem, errors: CellErrors, gap_m: float, disc_m: float, most_er
 
 
 def measure_sampling_variance(position_m: Array, grid: Grid, disc_m: float) -> Array:
-    """The variance (rows, columns), m², of a cell's height due to the number of its points; NaN without points.
+    """Return the variance (rows, columns), m², of a cell's height due to its number of points; NaN without points.
 
-    Points of a view are regular. Where a row of them with k to a cell crosses a cell of a slope at any phase, their
-    mean errs by w²/(2k²) on average over k, where w² is the variance of the heights in the cell: a cell with fewer
-    points has them nearer to its middle. So with n = k² points to a cell, as a mean over the footprint, the variance is
-    w²/(2n), and at most w². The variance w² is pooled over the cells of the footprint with two points or more.
+    Points of a view are regular. If a row with k points per cell crosses a slope at any phase, the mean of a cell's
+    points has the variance w²/(2k²), on average over k, where w² is the variance of the heights in the cell: a cell
+    with fewer points has them nearer to its middle. So with n = k² points per cell, as a mean over the footprint, the
+    variance is w²/(2n), and at most w². The variance w² is pooled over the cells of the footprint with two points or
+    more.
     """
     shape = grid.rows, grid.columns
     cell = grid.find_cells(position_m)
@@ -108,8 +109,9 @@ def measure_sampling_variance(position_m: Array, grid: Grid, disc_m: float) -> A
 
 
 def debias_planes(planes: Planes, dem: Dem, errors: CellErrors, disc_m: float, share: float = 1.0) -> Planes:
-    """Planes without the bias that the errors of the heights give to roughness and slope; ``share`` of the bias is
-    removed. The roughness is 0 where the errors alone explain it.
+    """Remove the share ``share`` of the bias that errors of the heights give to the roughness and slope of planes.
+
+    The roughness is 0 where the errors alone explain it.
     """
     noise, effective, smoothed = pool_errors(dem, errors, disc_m)
     roughness2 = planes.roughness_m**2 + share * (smoothed - noise * (1 - 3 / effective))
@@ -124,8 +126,10 @@ def debias_planes(planes: Planes, dem: Dem, errors: CellErrors, disc_m: float, s
 
 
 def pool_errors(dem: Dem, errors: CellErrors, disc_m: float) -> tuple[Array, Array, Array]:
-    """Errors under each footprint, arrays (rows, columns): the mean variance of the measured heights over all known
-    cells, m², the effective number of independent cells, and the mean square that filling loses, m².
+    """Pool the errors under each footprint. Return three arrays (rows, columns).
+
+    They are the mean variance of the measured heights over all known cells, m²; the effective number of independent
+    cells; and the mean square that is lost by filling, m².
     """
     cell, known = dem.grid.cell_m, dem.known
     measured = known & ~errors.filled & np.isfinite(errors.variance_m2)
@@ -138,7 +142,7 @@ def pool_errors(dem: Dem, errors: CellErrors, disc_m: float) -> tuple[Array, Arr
 
 
 def average_square_coordinate(disc_m: float, cell_m: float) -> float:
-    """The mean square of the east coordinate, m², of the cells of a disc."""
+    """Return the mean square of the east coordinate, m², of the cells of a disc."""
     disc = make_disc(disc_m, cell_m)
     reach = disc.shape[0] // 2
     east = np.arange(-reach, reach + 1) * cell_m
@@ -146,7 +150,7 @@ def average_square_coordinate(disc_m: float, cell_m: float) -> float:
 
 
 def _average_values(values: Array, among: Array, cell_m: float, disc_m: float) -> Array:
-    """The mean of values of any size over the cells ``among`` under each footprint, NaN without such cells."""
+    """Average values of any size over the cells ``among`` under each footprint; NaN without such cells."""
     disc = make_disc(disc_m, cell_m)
     count = np.rint(sum_under_footprint(among.astype(np.float64), disc))
     total = sum_under_footprint(np.where(among, values, 0.0), disc)

@@ -20,7 +20,7 @@ from ...support.foreign_bytes import MAX_BYTES, ForeignBytes, RefusedError, pars
 
 #: Fewest points for a known height of a cell: the median of fewer is as bad as one outlier.
 FEWEST_POINTS_PER_CELL = 3
-#: Standard deviation of a normal distribution over its median absolute deviation.
+#: Ratio of the standard deviation of a normal distribution to its median absolute deviation.
 _DEVIATION_OF_MEDIAN = 1.4826
 #: Bytes of a file without its values, and most cells along a side.
 _HEADER_BYTES, _MAX_CELLS = 2**14, 4096
@@ -29,8 +29,9 @@ _FRAME_TEXT = "Icy Moon site frame: x east, y north, z up, metres"
 
 @dataclass(frozen=True)
 class Grid:
-    """Square cells, row 0 northernmost: side, numbers of rows and columns, and outer corner of the north-west
-    cell, m.
+    """A grid of square cells, row 0 northernmost.
+
+    ``cell_m`` is the side of a cell; ``west_m`` and ``north_m`` are the outer corner of the north-west cell.
     """
 
     cell_m: float
@@ -40,14 +41,14 @@ class Grid:
     north_m: float
 
     def centres(self) -> tuple[Array, Array]:
-        """East and north (rows, columns) of the centres of the cells, metres."""
+        """Return the east and the north (rows, columns) of the cells' centres, m."""
         east = self.west_m + (np.arange(self.columns) + 0.5) * self.cell_m
         north = self.north_m - (np.arange(self.rows) + 0.5) * self.cell_m
         x, y = np.meshgrid(east, north)
         return x, y
 
     def find_cells(self, position_m: Array) -> Array:
-        """The index of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
+        """Return the index of the cell, counted row by row, that contains each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
@@ -58,8 +59,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dem:
-    """Heights (rows, columns) float64, m, NaN for cells with fewer than ``FEWEST_POINTS_PER_CELL`` points, and the
-    numbers of points.
+    """Heights (rows, columns) float64, m, and the number of points of each cell.
+
+    A height is NaN if its cell has too few points.
     """
 
     grid: Grid
@@ -74,7 +76,7 @@ class Dem:
     def encode_geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
         """Encode the heights as a GeoTIFF in the site's frame.
 
-        Its tag ``map`` is the position on a map from the entry ``ground`` of a ``pair.json``, as JSON.
+        The entry ``ground`` of a ``pair.json`` gives the position on a map, which the tag ``map`` contains as JSON.
         """
         grid = self.grid
         place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME_TEXT, notes=describe_map_notes(ground))
@@ -84,7 +86,8 @@ class Dem:
 def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
     """Read all cells of a file in numpy's format, float32 or boolean of this shape, as float64.
 
-    ``fix`` is an imperative without a full stop. Raises IcyMoonError for a missing, damaged or different file.
+    ``fix`` is the remedy in an error, an imperative without a full stop. Raises IcyMoonError if the file is missing,
+    damaged or different.
     """
 
     def parse(foreign: ForeignBytes) -> Array:
@@ -98,10 +101,11 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
 
 
 def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
-    """Points (n, 3), m, in the site's frame of the known pixels of a planar depth (H, W), and the pixels' flat indices.
+    """Back-project the known pixels of a planar depth (H, W), m.
 
-    ``pose`` (4, 4) is the transform from the eye of the parallel rig, in OpenCV's axes, to the site; with a rolling
-    shutter it is (H, 4, 4), one for each row.
+    Return their points (n, 3), m, in the site's frame, and their flat indices (n,). ``pose`` (4, 4) is the transform
+    from the eye of the parallel rig, in OpenCV's axes, to the site; with a rolling shutter it is (H, 4, 4), one for
+    each row.
     """
     index = np.flatnonzero(np.isfinite(depth_m))
     row, column = np.divmod(index, depth_m.shape[1])
@@ -117,7 +121,11 @@ def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tup
 
 
 def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS_PER_CELL) -> Dem:
-    """The median height of the points (n, 3) in each cell. The median resists the outliers of matchers at edges."""
+    """Make an elevation model: the median height of the points (n, 3) in each cell, NaN with fewer than ``fewest``
+    points.
+
+    The median resists the outliers of matchers at edges.
+    """
     cell = grid.find_cells(position_m)
     inside = cell >= 0
     cell, height = cell[inside], position_m[inside, 2]
@@ -134,7 +142,7 @@ def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS_PER_CELL
 
 
 def mean_by_cell(position_m: Array, values: Array, grid: Grid) -> Array:
-    """The mean of values (n,) over the points of each cell, NaN in cells without points."""
+    """Average values (n,) over the points of each cell; NaN in cells without points."""
     cell = grid.find_cells(position_m)
     inside = cell >= 0
     count = np.bincount(cell[inside], minlength=grid.rows * grid.columns)
@@ -143,10 +151,11 @@ def mean_by_cell(position_m: Array, values: Array, grid: Grid) -> Array:
 
 
 def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | None]:
-    """Errors of the heights of the cells ``over`` (rows, columns), m; None without known cells.
+    """Measure the errors, m, of the heights in the cells ``over`` (rows, columns).
 
     ``bias_m`` is the mean, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th percentile
-    of the absolute error (Höhle and Höhle 2009, ISPRS J. 64), and ``completeness`` the share of known cells.
+    of the absolute error (Höhle and Höhle 2009, ISPRS J. 64), and ``completeness`` the share of known cells. Errors are
+    None without known cells, and the completeness without cells of known truth.
     """
     wanted = over & np.isfinite(truth_m)
     error = (found.height_m - truth_m)[wanted]
@@ -165,9 +174,9 @@ def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, 
 
 
 def read_grid(stated: Mapping[str, Any]) -> Grid:
-    """The grid of the entry ``workspace`` of a ``pair.json``.
+    """Return the grid that the entry ``workspace`` of a ``pair.json`` states.
 
-    Raises IcyMoonError unless it has 1 to 4096 cells along both sides, and a corner.
+    Raises IcyMoonError unless the grid has 1 to 4096 cells along both sides, and a corner.
     """
     shape, origin = stated["shape"], stated["origin_m"]
     if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MAX_CELLS for side in shape):

@@ -1,7 +1,7 @@
 """Excavated volume and depth from two elevation models, and the smallest change that is detectable above the noise.
 
-Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. It is
-measured on null pairs, in which nothing was dug and all noise differs.
+Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. The error
+is measured on null pairs, in which nothing was dug and all noise differs.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .footprints import make_disc, sum_under_footprint
 
 #: Standard deviations of a difference beyond which a cell has changed, at 95 % (Lane et al. 2003).
 _DETECTION_DEVIATIONS = 1.96
-#: Standard deviations of a volume that is noticed in 95 % of cases with 5 % false alarms: twice 1.645.
+#: Standard deviations of a volume that is detected in 95 % of cases with 5 % false alarms: twice 1.645.
 NOTICED_DEVIATIONS = 3.29
-#: Fewest null pairs besides the first for a standard deviation: five give it within a factor of three.
+#: Fewest null pairs besides the first for a standard deviation. Five give it within a factor of three.
 FEWEST_NULL_PAIRS = 5
 #: True changes of a cell below this count as none. It is far below the precision of matchers' heights.
 UNCHANGED_M = 1e-4
@@ -32,7 +32,7 @@ _DEPTH_QUANTILE = 0.95
 
 @dataclass(frozen=True)
 class Change:
-    """The material that left a region: ``volume_m3`` (negative for added material), ``depth_m`` and the share of known
+    """Material that left a region: ``volume_m3`` (negative for added material), ``depth_m``, and the ``known`` share of
     cells.
     """
 
@@ -42,17 +42,17 @@ class Change:
 
 
 def find_region_cells(grid: Grid, region_m: Sequence[float]) -> Array:
-    """The cells (rows, columns), bool, with a centre in [x_min, y_min, x_max, y_max], m."""
+    """Find the cells (rows, columns), bool, whose centres are in [x_min, y_min, x_max, y_max], m."""
     east, north = grid.centres()
     west, south, last_east, last_north = region_m
     return np.asarray((east >= west) & (east <= last_east) & (north >= south) & (north <= last_north))
 
 
 def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float) -> Change | None:
-    """The change of heights (rows, columns), m, NaN unknown, over *all* cells of a region.
+    """Measure the change of heights (rows, columns), m, NaN unknown, over *all* cells of a region.
 
     A sum over cells beyond a level of detection would lose shallow cuts. Unknown cells count as the mean of the known
-    cells. None for an empty region, or with less than half of it known.
+    cells. None if the region is empty, or if less than half of it is known.
     """
     lowered = (before_m - after_m)[region]
     known = np.isfinite(lowered)
@@ -65,8 +65,9 @@ def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float
 
 
 def measure_local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Array:
-    """The standard deviation (rows, columns), m, of the height of each cell about the truth: the root mean square of
-    the known errors in a disc around it, NaN without known errors.
+    """Return the standard deviation (rows, columns), m, of each cell's height about the truth.
+
+    It is the root mean square of the known errors in a disc around the cell, NaN without known errors.
     """
     known, around = np.isfinite(error_m), make_disc(diameter_m, cell_m)
     count = np.rint(sum_under_footprint(known, around))
@@ -77,26 +78,27 @@ def measure_local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Arr
 
 
 def find_detection_level(before_sigma_m: Array, after_sigma_m: Array) -> Array:
-    """The level of detection (rows, columns), m, at 95 %, from the standard deviations of both heights."""
+    """Return the level of detection (rows, columns), m, at 95 %, from the standard deviations of both heights."""
     return np.asarray(_DETECTION_DEVIATIONS * np.hypot(before_sigma_m, after_sigma_m))
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Cells whose change is beyond their ``level_m`` (rows, columns), and their rates of right and wrong detections."""
+    """Changes of cells with their levels of detection ``level_m`` (rows, columns)."""
 
     level_m: Array
     changed_m: Array  # measured change, positive for removed ground; NaN for an unknown height
 
     @property
     def significant(self) -> Array:
-        """The cells (rows, columns), bool, with a significant change."""
+        """The cells (rows, columns), bool, whose change exceeds its level of detection."""
         return np.asarray(np.abs(self.changed_m) > self.level_m)
 
     def score(self, true_m: Array) -> dict[str, float | None]:
-        """``level_m`` is the median level of the known cells. ``noticed`` is the detected share of the cells that truly
-        changed by more than their level. ``false_alarm`` is the share of unchanged cells with a detection. None without
-        such cells.
+        """Score the detection against the true changes ``true_m`` (rows, columns). A number is None without its cells.
+
+        ``level_m`` is the median level of the known cells. ``noticed`` is the detected share of the cells that truly
+        changed by more than their level. ``false_alarm`` is the share of unchanged cells with a detection.
         """
         known = np.isfinite(self.changed_m) & np.isfinite(true_m) & np.isfinite(self.level_m)
         more, same = known & (np.abs(true_m) > self.level_m), known & (np.abs(true_m) < UNCHANGED_M)
@@ -115,7 +117,7 @@ def detect_change(
     cell_m: float,
     diameter_m: float,
 ) -> Detection:
-    """Detect the cells that changed beyond the errors of two elevation models (rows, columns) against their truths."""
+    """Detect the cells whose change exceeds the errors of two elevation models (rows, columns) from their truths."""
     sigmas = [
         measure_local_sigma(found - true, cell_m, diameter_m)
         for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))
@@ -125,21 +127,21 @@ def detect_change(
 
 @dataclass(frozen=True)
 class VolumeNoise:
-    """Volumes of null pairs, m3: mean, standard deviation, and the smallest detectable volume."""
+    """Noise of the volumes of null pairs, m3: mean, standard deviation, and the smallest detectable volume."""
 
     bias_m3: float
     sigma_m3: float
     smallest_m3: float
-    # Limits of the smallest volume at 95 %, since few pairs give an inexact standard deviation.
+    # Limits of the smallest volume at 95 %, because few pairs give an inexact standard deviation.
     bounds_m3: tuple[float, float]
     pairs: int
 
 
 def find_volume_noise(volumes_m3: Sequence[float]) -> VolumeNoise | None:
-    """The noise of a volume from null pairs; None with fewer than ``FEWEST_NULL_PAIRS``.
+    """Find the noise of a volume from null pairs; None with fewer than ``FEWEST_NULL_PAIRS``.
 
-    All volumes are differences to one common model and share its error, so that error is estimated from them: a
-    difference of two models has twice the variance of one.
+    All volumes are differences from one common model and share its error, so their spread is the error of a single
+    model. A difference of two models has twice this variance.
     """
     if len(volumes_m3) < FEWEST_NULL_PAIRS:
         return None
@@ -153,7 +155,8 @@ def find_volume_noise(volumes_m3: Sequence[float]) -> VolumeNoise | None:
 
 
 def _chi_square_quantile(free: int, z: float) -> float:
-    """The quantile of chi-square at the normal deviate ``z`` (Wilson and Hilferty 1931). From four degrees of freedom
-    on its root is within 4 % at both ends of 95 %.
+    """Return the quantile of chi-square at the normal deviate ``z`` (Wilson and Hilferty 1931).
+
+    From four degrees of freedom on, its root is within 4 % at both ends of 95 %.
     """
     return float(free * (1 - 2 / (9 * free) + z * math.sqrt(2 / (9 * free))) ** 3)

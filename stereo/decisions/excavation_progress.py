@@ -1,7 +1,7 @@
 """Progress of an excavation by each matcher: volumes between the elevation models of a series of states.
 
-False changes of a matcher are measured on null pairs: pairs of the same site in which nothing had been dug, each with
-independent noise, and with the jitter of the camera and the Sun of its state.
+False changes of a matcher are measured on null pairs. These are pairs of the same site in which nothing had been dug,
+each with independent noise, and with the jitter of the camera and the Sun of its state.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def name_series(settings: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def name_site(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """The name of a pair's untouched ground, which all series on the same site share."""
+    """Name a pair's untouched ground; all series on the same site share this name."""
     return _name_ground(settings, lambda topic, key: topic != _EXCAVATION_TOPIC)
 
 
@@ -64,12 +64,13 @@ def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[st
 def find_progress(
     rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path, disc_m: float
 ) -> list[dict[str, Any]]:
-    """The ``steps`` of each series of states by each method, and the errors of a volume by null pairs.
+    """Find the ``steps`` of each series of states by each method, and the errors of a volume by null pairs.
 
-    A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
-    and ``false_alarm`` of its cells (see ``change.Detection``), with the errors of a disc of ``disc_m``; and the path
-    ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
-    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on missing numbers and their reasons.
+    A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``. It also has ``level_m``,
+    ``noticed`` and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of
+    ``disc_m``, and the path ``map`` of a picture of the cells, which is written here. Null pairs give ``bias_m3``,
+    ``sigma_m3``, ``smallest_m3`` (detected at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on missing
+    numbers and their reasons.
 
     A series starts with the state of the smallest number. All states with a dug volume are compared with it.
     """
@@ -110,7 +111,7 @@ def _find_series_progress(
 
 
 def _measure_step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
-    """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
+    """Measure a method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
     true = _measure_removed_from_region_m3(state) - _measure_removed_from_region_m3(first)
     step: dict[str, Any] = {
         "pair": state["pair"],
@@ -151,7 +152,7 @@ def _detect_step_change(
 def _find_null_noise(
     states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry], out: Path
 ) -> tuple[VolumeNoise | None, str]:
-    """The noise of a volume over the dug region, by null pairs; or None, and the reason in words.
+    """Find the noise of a volume over the dug region from null pairs; or return None, and the reason in words.
 
     Null pairs are the pairs of this site in which nothing was dug. Only pairs with the same cells can be compared, so
     the largest such group is used.
@@ -176,9 +177,9 @@ def _find_null_noise(
         return find_volume_noise(volumes), ""
     there = f"{format_count(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (
-        f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
-        f"compared with the first, and it takes {FEWEST_NULL_PAIRS}; render state 0 again with another "
-        "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together"
+        f"{there} it with nothing dug and independent render noise, and {len(volumes)} of them can be compared with "
+        f"the first, but {FEWEST_NULL_PAIRS} are needed; render state 0 again with another Sun or camera, as "
+        "datasets/excavation_nulls does, and decide on both data sets together"
     )
 
 
@@ -191,8 +192,9 @@ def _have_same_cells(one: _Entry, other: _Entry) -> bool:
 
 
 def _measure_removed_from_region_m3(state: _Entry) -> float:
-    """Decrease of the volume under the surface of the region, m3. It differs from the dug volume, as spoil
-    slides in.
+    """Return the decrease of the volume under the surface of the region, m3.
+
+    It differs from the dug volume, because spoil slides in.
     """
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
@@ -200,7 +202,7 @@ def _measure_removed_from_region_m3(state: _Entry) -> float:
 def _measure_between(
     own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float], out: Path
 ) -> tuple[Change | None, float]:
-    """The change from one pair to another, None if too little is known, and the known share of the region."""
+    """Return the change from one pair to another, None if too little is known, and the known share of the region."""
     heights = [_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
     region = find_region_cells(grid, region_m)

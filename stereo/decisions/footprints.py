@@ -1,7 +1,7 @@
 """Slope, roughness and shares of the ground under a round footprint around each cell of an elevation model.
 
 Planes are fitted by least squares to the known cells of the footprint, from sums that are filters of the heights. The
-coordinates of these sums are centred on the footprint, so nothing cancels.
+sums use coordinates centred on the footprint, so nothing cancels.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ...support.arrays import Array
 
 #: Fewest known cells of a footprint for a plane.
 _FEWEST_PLANE_CELLS = 4
-#: Least determinant of the cells' spread, over the square of its trace. Cells along a line determine no plane.
+#: Least ratio of the determinant of the cells' spread to its squared trace. Cells along a line determine no plane.
 _MIN_SPREAD = 1e-6
 
 
@@ -31,14 +31,16 @@ class Planes:
 
 
 def make_disc(diameter_m: float, cell_m: float) -> Array:
-    """A disc as cells with 1.0 inside and 0.0 outside, on a square of an odd number of cells; its centre is inside."""
+    """Make a disc as cells with 1.0 inside and 0.0 outside, on a square of an odd number of cells; its centre is
+    inside.
+    """
     reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
     north, east = np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
     return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
 def make_ring(diameter_m: float, hole_m: float, cell_m: float) -> Array:
-    """A disc, as ``make_disc``, without the disc ``hole_m`` in its middle."""
+    """Make a disc as ``make_disc``, without the smaller disc of diameter ``hole_m`` in its middle."""
     ring, hole = make_disc(diameter_m, cell_m), make_disc(hole_m, cell_m)
     border = (ring.shape[0] - hole.shape[0]) // 2
     ring[border : border + hole.shape[0], border : border + hole.shape[1]] -= hole
@@ -46,8 +48,8 @@ def make_ring(diameter_m: float, hole_m: float, cell_m: float) -> Array:
 
 
 def sum_under_footprint(values: Array, weights: Array) -> Array:
-    """The sum of values (rows, columns) under the footprint ``weights`` around each cell. Cells beyond the border count
-    as 0.
+    """Sum the values (rows, columns) under the footprint ``weights`` around each cell. Cells beyond the border count as
+    0.
     """
     return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
 
@@ -90,7 +92,7 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float = 0.0, shape: A
 def average_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
     """Average ``mask`` under each footprint: for a boolean mask, the share of its cells that are true.
 
-    With ``among``, only its cells count, and footprints without such cells are NaN. Cells beyond the border count as
+    With ``among``, only those cells count, and footprints without such cells are NaN. Cells beyond the border count as
     false.
     """
     shape = make_disc(diameter_m, cell_m)
@@ -102,7 +104,9 @@ def average_under_footprint(mask: Array, cell_m: float, diameter_m: float, among
 
 
 def measure_distance_to_nearest_m(mask: Array, cell_m: float) -> Array:
-    """The distance of each cell's centre to the nearest cell where ``mask`` is true, m; infinite without such cells."""
+    """Measure the distance, m, of each cell's centre to the nearest cell where ``mask`` is true; infinite without such
+    cells.
+    """
     if not mask.any():
         return np.full(mask.shape, np.inf)
     free = (~mask).astype(np.uint8)

@@ -1,4 +1,6 @@
-"""Uses a calibration: which chosen sites are guaranteed, where a lander abstains, and how often a site is unsafe."""
+"""Uses a calibration: finds the guaranteed sites, the grounds on which a lander abstains, and the share of unsafe
+sites.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,9 @@ def apply_calibration(
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Return the rows with the entry ``guarantee``, and the entry ``guarantee`` of ``decisions.json``.
 
-    Of a row, ``verdict`` is GUARANTEED, ABSTAINS or UNLIKE, ``p`` the p-value of its ground and ``feature`` the number
-    that differs most; the entry is None if the pair failed or contradicts itself. The other pairs of its ground are
-    UNLIKE.
+    In a row's entry, ``verdict`` is GUARANTEED, ABSTAINS or UNLIKE, ``p`` the p-value of its ground and ``feature`` the
+    number that differs most. The entry is None if the pair failed or contradicts itself; then the other pairs of its
+    ground are UNLIKE.
     """
     found = {}
     for label, entry in calibration.entries.items():
@@ -47,7 +49,7 @@ def apply_calibration(
             by_ground.setdefault((stated[row["pair"]].ground, stated[row["pair"]].group), []).append(row)
         for (_, group), own in by_ground.items():
             pairs = [row for row in own if row["status"] == "ok"]
-            # A calibration leaves these grounds out, so it tells nothing about them.
+            # A calibration leaves grounds with failed pairs out, so it guarantees nothing on them.
             likeness = (
                 _compare_ground(entry, group, pairs) if len(pairs) == len(own) else {"p": 0.0, "feature": _FAILED_PAIR}
             )
@@ -71,7 +73,7 @@ def _list_labels(rows: Sequence[_Row]) -> list[str]:
 
 
 def _compare_ground(entry: Mapping[str, Any], group: str, rows: Sequence[_Row]) -> dict[str, Any]:
-    """Compare a ground, by its rows of a group, with the calibration grounds of this group."""
+    """Compare a ground, from its rows in a group, with the calibration grounds of this group."""
     own = next((each for each in entry["groups"] if each["group"] == group), None)
     if own is None:
         return {"p": 0.0, "feature": _OTHER_GROUP}
@@ -88,7 +90,7 @@ def _judge_row(entry: Mapping[str, Any], row: _Row, likeness: Mapping[str, Any])
 def _summarise_method(
     label: str, calibration: Calibration, rows: Sequence[_Row], stated: Mapping[str, StatedPair]
 ) -> dict[str, Any]:
-    """The counts of grounds of a matcher, each ground once, with bounds at the calibration's delta."""
+    """Count the grounds of a matcher by verdict, each ground once, with bounds at the calibration's delta."""
     by_ground: dict[str, list[_Row]] = {}
     for row in rows:
         if row["method"] == label and row["guarantee"]:
@@ -116,7 +118,7 @@ def _summarise_method(
 
 
 def _check_scales(scales: Mapping[str, float | None], grounds: Sequence[Sequence[_Row]]) -> dict[str, Any]:
-    """The checks of the calibrated errors of maps by quantity, see ``height_errors.check_scale``."""
+    """Check the calibrated errors of maps by quantity, see ``height_errors.check_scale``."""
     numbers = [[row["numbers"] for row in own] for own in grounds]
     return {
         name: None if scale is None else {"scale": scale, "check": check_scale(numbers, name, scale)}
@@ -125,8 +127,9 @@ def _check_scales(scales: Mapping[str, float | None], grounds: Sequence[Sequence
 
 
 def _average_taken(threshold: float | None, by_ground: Mapping[str, Sequence[_Row]]) -> float | None:
-    """The mean over grounds of the share of cells with the margin of the map, 0 on grounds without a guarantee; None
-    without a margin.
+    """Average over grounds the share of cells with the margin of the map; None without a margin.
+
+    A ground without a guarantee counts as 0.
     """
     if threshold is None or not by_ground:
         return None
@@ -141,12 +144,12 @@ def _average_taken(threshold: float | None, by_ground: Mapping[str, Sequence[_Ro
 
 
 def bound_share(count: int, grounds: int, doubt: float) -> list[float]:
-    """The interval of a share at 1 - ``doubt`` by Clopper and Pearson (1934)."""
+    """Return the interval of a share with confidence 1 - ``doubt`` by Clopper and Pearson (1934)."""
     return [1 - bound_risk(grounds - count, grounds, doubt / 2), bound_risk(count, grounds, doubt / 2)]
 
 
 def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
-    """The guarantee and its result in words: one sentence on the calibration, and one for each matcher."""
+    """Describe the guarantee and its result: one sentence on the calibration, and one for each matcher."""
     risk = f"a chosen site is unsafe on at most {100 * guarantee['alpha']:g} % of grounds like the calibration grounds"
     confidence = (
         f"with {100 * (1 - guarantee['delta']):g} % confidence"
@@ -161,7 +164,10 @@ def make_guarantee_sentences(guarantee: Mapping[str, Any]) -> list[str]:
 
 
 def _make_error_sentences(methods: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The checks of the heights' standard deviations; ``decisions.json`` has the checks of slope and roughness, too."""
+    """Describe the checks of the heights' standard deviations.
+
+    ``decisions.json`` has the checks of slope and roughness, too.
+    """
     found = []
     for entry in methods:
         stated = entry["errors"]["height"]

@@ -1,10 +1,10 @@
 """Standard deviations of the heights, slopes and roughnesses of a map: a stated shape times one scale of a matcher.
 
-The shape follows from the elevation model alone, for any matcher: a height errs in proportion to the variation of the
-heights within cells around it, see ``cell_errors``, or by what the ring of a filled cell states. The scale is measured
-on grounds of known heights: the shares of errors within one and two standard deviations differ least from those of
-normal errors, where each ground counts once. So the scale is right on average over grounds, although the errors may not
-be normal.
+The shape follows from the elevation model alone, for any matcher. The error of a height is proportional to the
+variation of the heights within the cells around it, see ``cell_errors``; the error of a filled cell follows from its
+ring. The scale is measured on grounds of known heights. With it, the shares of errors within one and two standard
+deviations differ least from the shares of normal errors, where each ground counts once. So the scale is right on
+average over grounds, although the errors may not be normal.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .dem import Dem
 QUANTITIES = ("height", "slope", "roughness")
 #: Shares of normal errors within one and two standard deviations.
 NORMAL_SHARES = (0.6827, 0.9545)
-#: Errors in units of the shape at which cells are counted.
+#: Ratios of error to shape up to which cells are counted.
 RATIOS = tuple(float(each) for each in np.geomspace(0.01, 1000.0, 231))
 #: Scales from which one is chosen.
 _SCALES = np.geomspace(RATIOS[0], RATIOS[-1] / 2, 5001)
@@ -34,9 +34,10 @@ _LEAST = 1e-6
 
 
 @dataclass(frozen=True)
-class Shape:
-    """Errors of a map up to a scale, arrays (rows, columns), NaN where unknown: heights and roughness in m, slope in
-    degrees.
+class ErrorShape:
+    """Errors of a map up to a scale, arrays (rows, columns), NaN where unknown.
+
+    Heights and roughness are in m, slopes in degrees.
     """
 
     height: Array
@@ -44,7 +45,7 @@ class Shape:
     roughness: Array
 
     def scaled(self, scales: Mapping[str, float | None]) -> dict[str, Array]:
-        """The standard deviations, float32, of the quantities that have a scale."""
+        """Return the standard deviations, float32, of the quantities that have a scale."""
         return {
             name: (scale * getattr(self, name)).astype(np.float32)
             for name in QUANTITIES
@@ -52,31 +53,34 @@ class Shape:
         }
 
 
-def state_shape(dem: Dem, errors: CellErrors, slope_deg: Array, disc_m: float) -> Shape:
-    """The errors of a map up to a scale.
+def state_shape(dem: Dem, errors: CellErrors, slope_deg: Array, disc_m: float) -> ErrorShape:
+    """Return the errors of a map up to a scale.
 
     By least squares a slope errs by √(σ²/(nq)) along its direction, where σ² is the mean variance of the heights under
-    the footprint of n cells and q the mean square of a coordinate, see ``cell_errors``. A roughness errs in proportion
-    to σ.
+    the footprint of n cells and q the mean square of a coordinate, see ``cell_errors``. The error of a roughness is
+    proportional to σ.
     """
     pooled, effective, _ = pool_errors(dem, errors, disc_m)
     noise = np.maximum(pooled, 0.0)  # sums under footprints are rounded
     rise = np.sqrt(noise / (effective * average_square_coordinate(disc_m, dem.grid.cell_m)))
     variance = np.where(errors.filled, errors.filled_variance_m2, errors.variance_m2)
     found = np.sqrt(variance), np.degrees(rise * np.cos(np.radians(slope_deg)) ** 2), np.sqrt(noise)
-    return Shape(*(np.maximum(each, _LEAST) for each in found))
+    return ErrorShape(*(np.maximum(each, _LEAST) for each in found))
 
 
 def count_errors(error: Array, shape: Array, among: Array) -> dict[str, Any]:
-    """The number of ``cells`` with a known error ``among`` these, and of those ``within`` each of ``RATIOS``."""
+    """Count the ``cells`` of ``among`` with a known error, and the number ``within`` each of ``RATIOS`` times the
+    shape.
+    """
     ratio = np.abs(error[among]) / shape[among]
     ratio = np.sort(ratio[np.isfinite(ratio)])
     return {"cells": int(ratio.size), "within": [int(n) for n in np.searchsorted(ratio, RATIOS, side="right")]}
 
 
 def fit_scales(grounds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, float | None]:
-    """The scale of each quantity from the ``numbers`` of the rows of each ground; None without a known error, and for
-    errors beyond all ``RATIOS``.
+    """Fit the scale of each quantity to the ``numbers`` of the rows of each ground.
+
+    A scale is None without a known error, and if too many errors are beyond all ``RATIOS``.
     """
     found: dict[str, float | None] = {}
     for name in QUANTITIES:
@@ -88,13 +92,16 @@ def fit_scales(grounds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, floa
 
 
 def _read_shares(within: Array, scales: Array) -> Array:
-    """The shares (scales, 2) of errors within one and two standard deviations, from those ``within`` each ratio."""
+    """Read the shares (scales, 2) of errors within one and two standard deviations from the shares ``within`` each
+    ratio.
+    """
     return np.stack([np.interp(np.log(k * scales), np.log(RATIOS), within) for k in (1, 2)], axis=1)
 
 
 def check_scale(grounds: Sequence[Sequence[Mapping[str, Any]]], name: str, scale: float) -> dict[str, Any] | None:
-    """The shares of errors within one and two standard deviations on grounds, with 95 % intervals over grounds; None
-    without a known error.
+    """Return the shares of errors within one and two standard deviations, with 95 % intervals over grounds.
+
+    None without a known error.
     """
     shares = _average_shares(grounds, name)
     if not len(shares):
@@ -109,8 +116,9 @@ def check_scale(grounds: Sequence[Sequence[Mapping[str, Any]]], name: str, scale
 
 
 def _average_shares(grounds: Sequence[Sequence[Mapping[str, Any]]], name: str) -> Array:
-    """The shares (grounds, ratios) of errors within each ratio, averaged over the pairs of each ground with a known
-    error.
+    """Return the shares (grounds, ratios) of errors within each ratio.
+
+    They are averaged over the pairs of each ground with a known error.
     """
     found = []
     for own in grounds:
@@ -121,7 +129,7 @@ def _average_shares(grounds: Sequence[Sequence[Mapping[str, Any]]], name: str) -
 
 
 def make_check_sentence(name: str, who: str, found: Mapping[str, Any]) -> str:
-    """The result of ``check_scale`` in words."""
+    """Describe the result of ``check_scale`` in a sentence."""
     shown = [
         f"{100 * share:.0f} %" + ("" if low is None or high is None else f" ({100 * low:.0f} to {100 * high:.0f})")
         for share, (low, high) in zip(found["within"], found["bounds"], strict=True)

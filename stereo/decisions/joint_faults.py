@@ -1,8 +1,8 @@
-"""The faults of joints that a matcher's pose of the scoop shows, measured on pairs with a joint off by a known angle.
+"""Measures which faults of joints a matcher's pose of the scoop shows, on pairs with a joint off by a known angle.
 
 The score of a pair is the distance of the found scoop from its mean place in the pairs without a fault that have the
 same commanded angles. The mean removes the constant error of a matcher. A score above the limit means a fault; 5 of 100
-pairs without a fault exceed it. Each pair without a fault is scored against the mean of the others.
+pairs without a fault exceed the limit. Each pair without a fault is scored against the mean of the others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..matchers.methods import describe_method
 
 #: Fewest pairs without a fault for a limit.
 FEWEST_FAULTLESS_PAIRS = 6
-#: The 95 % quantile of Student's t by degrees of freedom; between two entries the lower one counts, to be safe.
+#: The 95 % quantile of Student's t by degrees of freedom; between two entries, the one with fewer degrees counts.
 _STUDENT_T_95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
 #: Angles that differ by less than this are equal, degrees.
 _ANGLE_TOLERANCE_DEG = 1e-4
@@ -27,12 +27,14 @@ _Entry = Mapping[str, Any]
 
 
 def find_joint_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str]) -> list[dict[str, Any]]:
-    """For each method and each joint that is off in some pair: by ``angles`` (degrees, either way), the number of
-    ``pairs``, the share ``noticed`` and the ``roc_area`` against the pairs without a fault; ``noticed_from_deg``, the
-    smallest of these angles from which on every pair is noticed, or None; ``limit_mm``, ``sound`` pairs and the share
-    of ``false_alarms`` among them. ``note`` is the reason for a missing number, or empty.
+    """Return an entry for each method and each joint that is off in some pair; empty if no pair has exactly one faulty
+    joint.
 
-    Empty if no pair has a fault of exactly one joint. A pair in which no pose is found is not noticed.
+    ``angles`` have by angle (degrees, either way) the number of ``pairs``, the share ``noticed``, and the ``roc_area``
+    against the pairs without a fault. ``noticed_from_deg`` is the smallest angle from which on every pair is noticed,
+    or None. ``limit_mm`` is the limit, ``sound`` the number of pairs without a fault, and ``false_alarms`` the share of
+    them above the limit. ``note`` is the reason for a missing number, or empty. A pair in which no pose is found is not
+    noticed.
     """
     joints: dict[str, dict[str, Any]] = {fact["pair"]: fact["joints"] for fact in facts if fact.get("joints")}
     off = {pair: _read_faults(stated) for pair, stated in joints.items()}
@@ -108,8 +110,10 @@ def _measure_rates(angles: Mapping[float, Sequence[float]], sound: Array, limit:
 
 
 def compute_roc_area(scores: Array, sound: Array) -> float | None:
-    """The area under the ROC curve: the probability that a pair with a fault (n,) scores more than a pair without (m,);
-    equal scores count half (Mann and Whitney). None without either kind.
+    """Return the area under the ROC curve; None without scores of either kind.
+
+    It is the probability that a pair with a fault (n,) scores more than a pair without (m,); equal scores count half
+    (Mann and Whitney).
     """
     if not (len(scores) and len(sound)):
         return None
@@ -118,14 +122,15 @@ def compute_roc_area(scores: Array, sound: Array) -> float | None:
 
 
 def _score_leaving_one_out(places: Sequence[Array]) -> list[float]:
-    """Distance of each place (3,) from the mean of the other places."""
+    """Return the distance, m, of each place (3,) from the mean of the other places; empty for a single place."""
     total, count = np.sum(places, axis=0), len(places)
     return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
 
 
 def _find_fault_limit(scores: Array) -> float | None:
-    """The limit that a fault-free score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation;
-    None for fewer than ``FEWEST_FAULTLESS_PAIRS`` scores.
+    """Return the limit that a fault-free score exceeds in 5 of 100 cases; None below ``FEWEST_FAULTLESS_PAIRS`` scores.
+
+    It is computed from the scores' mean and standard deviation by Student's t.
     """
     if len(scores) < FEWEST_FAULTLESS_PAIRS:
         return None

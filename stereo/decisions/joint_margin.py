@@ -13,15 +13,15 @@ _UNLIMITED_MARGIN_DEG = 180.0
 
 
 def has_arm(settings: Settings) -> bool:
-    """Return whether the settings have an arm of known reach: a shipped arm, not one from the user's file."""
+    """Return whether the settings have an arm of known reach: a shipped arm, not an arm from the user's file."""
     return settings.lander.kind == "PARAMETRIC"
 
 
 def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
-    """The smallest distance of a joint to its limit (rows, columns), degrees; NaN out of reach and for an unknown
-    height.
+    """Find the smallest distance, degrees, of a joint to its limit in each cell (rows, columns).
 
-    ``site_m`` is the height of the ground under the left camera, on which the lander stands.
+    NaN out of reach and for an unknown height. ``site_m`` is the height of the ground under the left camera, on which
+    the lander stands.
     """
     known = np.isfinite(height_m)
     found = np.full(height_m.shape, np.nan)

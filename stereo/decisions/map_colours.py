@@ -30,8 +30,8 @@ LEGEND_BY_MAP = {
         "unknown": "Not known, grey",
     },
 }
-#: Values and RGB colours between which colours are interpolated. The values are margins, or slopes over the slope of
-#: the rules. Two entries at almost the same value are the border between two kinds.
+#: Values and RGB colours between which colours are interpolated. The values are margins, or ratios of slopes to the
+#: slope of the rules. Two entries at almost the same value are the border between two kinds.
 _BORDER_WIDTH = 1e-9
 _COLOUR_STOPS = {
     SUITABILITY: ((-1.0, (160, 60, 0)), (-_BORDER_WIDTH, (244, 190, 140)), (0.0, (180, 225, 190)), (0.5, (0, 140, 90))),
@@ -47,7 +47,7 @@ _COLOUR_STOPS = {
 
 
 def colour_cells(stored: StoredMap) -> Array:
-    """The colours of a stored map, RGB uint8 (rows, columns, 3)."""
+    """Colour a stored map: RGB, uint8 (rows, columns, 3)."""
     values = stored.values
     if stored.kind == HEIGHT_ERROR:
         return colour_signed_errors(values.ravel(), SATURATED_ERROR_M).reshape(*values.shape, 3)
@@ -58,7 +58,7 @@ def colour_cells(stored: StoredMap) -> Array:
 
 
 def count_cells(stored: StoredMap) -> dict[str, int]:
-    """The number of cells of each kind in ``LEGEND_BY_MAP`` of the map."""
+    """Count the cells of a map by the kinds in ``LEGEND_BY_MAP``."""
     known = np.isfinite(stored.values)
     values = stored.values[known]
     if stored.kind == SUITABILITY:

@@ -1,9 +1,9 @@
-"""Albedo and share of salt of a workspace's cells: from the truth, and as a lander finds them in its left image.
+"""Albedo and share of salt of a workspace's cells: from the truth, and as a lander measures them in its left image.
 
-A lander knows the light of the Sun, its camera's response and the slopes of its own elevation model. The found albedo
-is the one of Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by area is
-the sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The colours of
-both are known.
+A lander knows the light of the Sun, its camera's response and the slopes of the elevation model that it made. The
+measured albedo assumes Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by
+area is the sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The
+colours of both are known.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ _MIN_INCIDENCE_COSINE = 0.1
 
 @dataclass(frozen=True)
 class Materials:
-    """``albedo``, the mean of the bands, and ``salt``, the share of the area, of cells (rows, columns); NaN where
-    unknown.
+    """Materials of cells (rows, columns), NaN where unknown.
+
+    ``albedo`` is the mean of the bands, ``salt`` the share of the area.
     """
 
     albedo: Array
@@ -46,13 +47,14 @@ class Materials:
 
 
 def make_true_materials(maps: Array) -> Materials:
-    """The materials in the maps (4, rows, columns) of the file ``workspace_cells.MATERIALS_FILE``."""
+    """Convert the maps (4, rows, columns) of the file ``workspace_cells.MATERIALS_FILE`` to materials."""
     return Materials(maps[:3].mean(axis=0), maps[3])
 
 
 def compute_white_radiance(images: DevelopedImages, settings: Settings) -> Array:
-    """Radiance, W/(m² sr), of white ground that gives the values of the left image, (H, W), or (H, W, 3) of a colour
-    sensor; NaN where the image is saturated.
+    """Return the radiance, W/(m² sr), of white ground that gives the values of the left image.
+
+    (H, W), or (H, W, 3) of a colour sensor; NaN where the image is saturated.
     """
     seen = images.seen("left").astype(np.float64)
     black = black_dn(settings.sensor) if len(images.frames) == 1 else 0.0
@@ -60,7 +62,7 @@ def compute_white_radiance(images: DevelopedImages, settings: Settings) -> Array
     return np.where(seen < top, (seen - black) / (top - black) * images.saturation_radiance, np.nan)
 
 
-def measure(
+def measure_materials(
     white: Array,
     position_m: Array,
     index: Array,
@@ -70,11 +72,10 @@ def measure(
     irradiance: float,
     settings: Settings,
 ) -> Materials:
-    """The materials that a lander measures from ``white``, the result of ``compute_white_radiance``, with NaN outside
-    sunlit pixels.
+    """Measure the materials of cells as a lander does from ``white``, the result of ``compute_white_radiance``.
 
-    ``index`` (n,) are the flat indices of the pixels whose points are ``position_m`` (n, 3). ``planes`` lie under each
-    cell. ``irradiance`` is the Sun's on ground that faces it, W/m².
+    ``white`` is NaN outside sunlit pixels. ``index`` (n,) are the flat indices of the pixels whose points are
+    ``position_m`` (n, 3). ``planes`` lie under each cell. ``irradiance`` is the Sun's on ground that faces it, W/m².
     """
     channels = [_mean(one.ravel()[index], position_m, grid) for one in np.atleast_3d(white).transpose(2, 0, 1)]
     east, north, up = (float(each) for each in toward_sun)
@@ -92,8 +93,9 @@ def _mean(values: Array, position_m: Array, grid: Grid) -> Array:
 
 
 def _find_salt_share(channels: Array, settings: Settings) -> Array:
-    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where the signals leave it
-    undetermined.
+    """Find the share of salt (rows, columns) from the signals (channels, rows, columns).
+
+    NaN where the signals leave it undetermined.
     """
     ice, salt = (
         _compute_channel_signals(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke)
@@ -108,22 +110,22 @@ def _find_salt_share(channels: Array, settings: Settings) -> Array:
 
 
 def _compute_channel_signals(bands: Bands, settings: Settings) -> Array:
-    """The signals of a camera's channels for sunlit ground with these reflectances, relative to white ground."""
+    """Compute the signals of a camera's channels for sunlit ground of these reflectances, relative to white ground."""
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     light: Any = np.array(bands) * sun_colour(settings.light.sun_temperature_k)
     return np.array([plane[0, 0] for plane in channels.planes(light[None, None])]) * channels.gains
 
 
 def refuse_lamps(folder: Path, settings: Settings) -> None:
-    """Raise IcyMoonError if lamps light the images, because an albedo follows from the Sun's irradiance alone."""
+    """Raise IcyMoonError if lamps light the images, because an albedo is computed from the Sun's irradiance alone."""
     lamps, factors = settings.light.lamps, read_factors(settings.light)
     if any(radiant_power_w(lamp) * factor > 0 for lamp, factor in zip(lamps, factors, strict=True)):
         raise IcyMoonError(
-            f"{folder}: an albedo follows from light of one irradiance, and lamps shine too; set light.lamp_scales "
-            "to 0 for each lamp, or leave the rules of albedo and salts out."
+            f"{folder}: an albedo can be measured in sunlight only, and lamps shine too; set light.lamp_scales to 0 "
+            "for each lamp, or leave out the rules of albedo and salts."
         )
 
 
 def scale_sun_irradiance(irradiance_wm2: float, settings: Settings) -> float:
-    """The Sun's irradiance on ground that faces it, scaled by ``light.sun_scale``, W/m²."""
+    """Scale the Sun's irradiance, W/m², on ground that faces it by ``light.sun_scale``."""
     return irradiance_wm2 * float(settings.light[LIGHT_GROUPS["Sun"]])

@@ -38,25 +38,29 @@ _SIDE_PX = 360
 
 
 def draw_outcomes(workspace: Workspace, found: DecisionMaps) -> Array:
-    """BGR picture of the outcome of each cell, with the chosen site as a ring."""
+    """Draw a BGR picture of the outcome of each cell, with one colour for each of ``OUTCOMES``."""
     safe, taken = workspace.truth.sites.safe, found.sites.safe
     code = np.select([~(workspace.reached & workspace.truth.dem.known), safe & taken, taken, safe], [4, 0, 1, 2], 3)
     return _enlarge(_colour_classes(code, OUTCOMES))
 
 
 def draw_failed_rules(maps: DecisionMaps, inside: Array) -> Array:
-    """BGR picture of the safe cells and the failed rule of the others; cells beyond ``inside`` are out of reach."""
+    """Draw a BGR picture of the safe cells and of the first failed rule of the others.
+
+    Cells outside ``inside`` count as out of reach.
+    """
     return _enlarge(_colour_classes(np.where(inside, maps.sites.failed, 5), RULE_COLOURS))
 
 
 def draw_height_errors(workspace: Workspace, found: DecisionMaps) -> Array:
-    """BGR picture of the height error of each cell: red too high, blue too low, grey unknown."""
+    """Draw a BGR picture of the height error of each cell: red too high, blue too low, grey unknown."""
     return _draw_signed(found.dem.height_m - workspace.truth.dem.height_m)
 
 
 def draw_changes(found: Detection) -> Array:
-    """BGR picture of the cells that changed beyond their level of detection: blue lower than before, red higher, white
-    unchanged, grey unknown.
+    """Draw a BGR picture of the cells that changed beyond their level of detection.
+
+    Blue cells are lower than before, red ones higher, white ones unchanged and grey ones unknown.
     """
     risen = -np.where(found.significant | np.isnan(found.changed_m), found.changed_m, 0.0)
     return _draw_signed(risen)
@@ -70,8 +74,9 @@ def _draw_signed(metres: Array) -> Array:
 
 
 def add_ring(picture: Array, place: list[int] | None, shape: tuple[int, ...], disc_m: float, cell_m: float) -> Array:
-    """The picture with a ring around the site at ``place`` (row, column) of a map of this ``shape``; unchanged without
-    a site.
+    """Return the picture with a ring around the site at ``place`` (row, column) of a map of this ``shape``.
+
+    Without a site, the picture is unchanged.
     """
     if place is None:
         return picture

@@ -38,7 +38,7 @@ _Entries = Sequence[Mapping[str, Any]]
 FORMAT = "icymoon-decisions"
 VERSION = 1
 _NO_VERDICTS = Verdicts()
-#: The files beside ``pairs/``, and the first bytes of each.
+#: The files beside the folder ``pairs``, and the first bytes of each.
 FIRST_BYTES = {
     "decisions.jsonl": b'{"pair": ',
     "decisions.csv": b"pair,method,status,",
@@ -52,9 +52,9 @@ _MIN_REASON = 0.01
 _MM_PER_M = 1000.0
 #: Litres in a cubic metre.
 _LITRES_PER_M3 = 1000.0
-#: Share of the cells known to the true depth below which the cells are too small for the images.
+#: Share of cells with a height by the true depth below which the cells are too small for the images.
 _MIN_KNOWN_SHARE = 0.5
-#: The risk of an unsafe choice that a guarantee would exclude, and one minus its confidence.
+#: The risk of an unsafe choice that a guarantee would limit, and one minus its confidence.
 _GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
 #: Share of filled heights above which the cells are too small for the images.
 _MAX_FILLED_SHARE = 0.2
@@ -76,7 +76,7 @@ _REASONS = {
 _MUCH_LOST = 0.5
 #: Share of the ground in reach below which a part of it is too small to give results.
 _MIN_GROUND_SHARE = 0.005
-#: The numbers of a row by their path in it, which are the columns of the tables.
+#: The columns of the tables; the key of each is the path of a number in a row.
 DEM_COLUMNS = (
     Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
     Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
@@ -153,13 +153,13 @@ _PLAIN_SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
 _INTERVALS_TEXT = (
     f"of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes on, approximate below {FEWEST_EXACT}"
 )
-#: Numbers by which methods are compared. Less is better, except for the ones of _MORE_IS_BETTER.
+#: Numbers by which methods are compared. Less is better, except for ``_MORE_IS_BETTER``.
 _COMPARED_NUMBERS = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE_IS_BETTER = ("sites.average_precision",)
 
 
 def read_number(row: Mapping[str, Any], column: Column) -> float:
-    """A number of a row, NaN if it is undefined."""
+    """Read a number of a row; NaN if it is undefined."""
     table, _, key = column.key.partition(".")
     numbers = row["numbers"]
     value = None if numbers is None else numbers.get(table, {}).get(key)
@@ -180,7 +180,8 @@ def write_decisions(
 ) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return the content of the JSON.
 
-    ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
+    ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves are left out of all
+    means.
     """
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
@@ -225,7 +226,9 @@ def write_decisions(
 
 
 def _make_number_matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Array, Array]:
-    """Numbers (pairs, columns) of a method on the pairs without contradictions, and the scene of each pair."""
+    """Return the numbers (pairs, columns) of a method on the pairs without contradictions, and each pair's scene
+    (pairs,).
+    """
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
     names = sorted({scene_of[row["pair"]] for row in own})
@@ -234,8 +237,11 @@ def _make_number_matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Ar
 
 
 def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[dict[str, Any]]:
-    """A table per method: means over pairs by column, their 95 % ``intervals`` over scenes, ``pairs``, ``scenes``,
-    the mean ``base_rate`` and the mean ``roc`` curve."""
+    """Summarise each method in a table.
+
+    It has means over pairs by column, their 95 % ``intervals`` over scenes, ``pairs``, ``scenes``, the mean
+    ``base_rate`` and the mean ``roc`` curve.
+    """
     result = []
     for label in labels:
         values, scenes = _make_number_matrix(rows, facts, label)
@@ -284,7 +290,7 @@ def _tell_main_reason(shares: Mapping[str, float], whole: str) -> str:
 
 
 def is_share(column: Column) -> bool:
-    """Whether a number is a share, from 0 to 1."""
+    """Return whether a number is a share, from 0 to 1."""
     return column.unit == "%" or column.key in _PLAIN_SHARES
 
 
@@ -293,8 +299,10 @@ def _none_if_not_finite(value: float) -> float | None:
 
 
 def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed: int) -> list[dict[str, Any]]:
-    """The significant differences between matchers in the typical scene, paired over scenes, as one family for each
-    number (see ``inference.typical_scene``). The better matcher comes first, with the typical difference.
+    """Return the significant differences between matchers in the typical scene, paired over scenes.
+
+    For each number, all comparisons are one family (see ``inference.typical_scene``). The better matcher comes first,
+    with the typical difference.
     """
     matchers = list(labels[1:])
     chosen = typical_scene.list_method_pairs(len(matchers))
@@ -310,7 +318,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
         if not pairs:
             continue
         numbers = np.array([[of.get((pair, matcher), math.nan) for matcher in matchers] for pair in pairs])
-        values = np.stack([typical_scene.subtract(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
+        values = np.stack([typical_scene.find_differences(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
         family = typical_scene.compare_in_typical_scene(average_by_scene(values, scenes), seed)
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:
@@ -330,7 +338,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
 
 
 def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
-    """The main results, one sentence per method, limited to claims that the numbers support."""
+    """Describe the main results, one sentence per method, limited to claims that the numbers support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     suns = f"under {_describe_suns(facts)}, the last" if _has_suns(facts) else "with the Sun"
     sun = f", {suns} at {_format_range(heights)}°" if heights else ""
@@ -338,28 +346,28 @@ def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
 
 
 def _has_suns(facts: _Entries) -> bool:
-    """Whether sites are decided on by several Suns."""
+    """Return whether a site is decided on by several Suns."""
     return any("suns" in fact for fact in facts)
 
 
 def _name_unit(facts: _Entries) -> str:
-    """The noun for the subject of a decision: a pair, or a site whose Suns are fused."""
+    """Return the noun for the subject of a decision: a pair, or a site whose Suns are fused."""
     return "site" if _has_suns(facts) else "pair"
 
 
 def _describe_suns(facts: _Entries) -> str:
-    """The numbers of Suns of sites in words."""
+    """Describe how many Suns the sites have."""
     numbers = sorted({len(fact.get("suns", [fact])) for fact in facts})
     return f"{_format_range(numbers)} Suns"
 
 
 def _format_range(values: Sequence[int]) -> str:
-    """The first and the last of sorted values, in words."""
+    """Format the first and the last of sorted values in words."""
     return f"{values[0]}" if len(values) == 1 else f"{values[0]} to {values[-1]}"
 
 
 def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
-    # Without a second number, no image shows ground in reach.
+    # Without a completeness, no image shows ground in reach.
     if not entry["pairs"] or entry["dem.completeness"] is None:
         return ""
     name = "the true depth" if entry["method"] == TRUE_DEPTH else describe_method(entry["method"])
@@ -387,7 +395,7 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str, unit: str) -> str:
 
 
 def _format_interval(entry: Mapping[str, Any], key: str) -> str:
-    """The interval of a share over scenes, such as ' (29 to 71)'; empty without an interval, as for one scene."""
+    """Format the interval of a share over scenes, such as ' (29 to 71)'; empty without an interval."""
     low, high = entry["intervals"][key]
     if low is None or high is None:
         return ""
@@ -395,7 +403,7 @@ def _format_interval(entry: Mapping[str, Any], key: str) -> str:
 
 
 def _make_volume_sentences(progress: _Entries, unit: str) -> list[str]:
-    """The smallest volume that each method detects, if null pairs give it."""
+    """Describe the smallest volume that each method detects, if null pairs give it."""
     said = []
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
@@ -411,7 +419,7 @@ def _make_volume_sentences(progress: _Entries, unit: str) -> list[str]:
 
 
 def _make_fault_sentences(faults: _Entries, unit: str) -> list[str]:
-    """For each method a sentence: the fault of each joint from which on all faults were detected."""
+    """Describe for each method, in one sentence, the fault of each joint from which on all faults were detected."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
         own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]
@@ -437,7 +445,10 @@ def _format_percent(share: float) -> str:
 
 
 def find_notes(rows: _Entries, facts: _Entries, on_choices: bool = True) -> list[str]:
-    """Sentences on the limits of the numbers; ``on_choices`` includes the risk of a choice without a guarantee."""
+    """Return sentences on the limits of the numbers.
+
+    ``on_choices`` includes the risk of a choice without a guarantee.
+    """
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
         *_find_notes_on_heights(rows, facts),
@@ -492,7 +503,7 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
 
 
 def _find_notes_on_truth(rows: _Entries, unit: str) -> Iterator[str]:
-    """The sites that the true depth loses, by reason, and the pairs that cannot rank matchers."""
+    """Yield the sites that the true depth loses, by reason, and the pairs that cannot rank matchers."""
     own = {row["pair"]: row["numbers"]["sites"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]}
     lost = {pair: sites["safe_lost"] for pair, sites in own.items() if sites["safe_lost"] is not None}
     if any(lost.values()):
@@ -567,9 +578,10 @@ def _find_notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
 
 
 def _find_notes_on_choices(rows: _Entries, facts: _Entries) -> Iterator[str]:
-    """The largest risk of an unsafe choice that the grounds leave, or the number of grounds that a statement takes.
+    """Yield the largest risk of an unsafe choice that the grounds leave, or the number of grounds that a statement
+    needs.
 
-    A ground counts once: as unsafe if the choice on any of its pairs is.
+    A ground counts once: as unsafe if the choice on any of its pairs is unsafe.
     """
     fewest = count_fewest_grounds(_GUARANTEED_RISK, _GUARANTEE_DOUBT)
     ground_of = {fact["pair"]: fact.get("site") or fact["scene"] for fact in facts}
@@ -622,7 +634,7 @@ def _make_csv(rows: _Entries) -> str:
 
 
 def _list_guarantee_cells(row: Mapping[str, Any]) -> tuple[str, str]:
-    """The margin of the chosen site, and the verdict of a calibration; empty where undefined."""
+    """Return the margin of the chosen site, and the verdict of a calibration; empty where undefined."""
     margin = row["numbers"]["sites"]["chosen_margin"] if row["numbers"] else None
     verdict = row.get("guarantee")
     return "" if margin is None else f"{margin:.6g}", verdict["verdict"] if verdict else ""
@@ -687,7 +699,7 @@ def _scale_to_unit(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:
 
 
 def format_cell(entry: Mapping[str, Any], column: Column) -> str:
-    """The mean of a method as text, in the unit of its column; a dash if it is undefined."""
+    """Format the mean of a method in the unit of its column; a dash if it is undefined."""
     return format_number(_scale_to_unit(entry, column), column)
 
 
@@ -698,7 +710,7 @@ def _format_bounds(entry: Mapping[str, Any], column: Column) -> str:
 
 
 def _format_difference(found: Mapping[str, Any]) -> str:
-    """The typical difference of a comparison in the unit of its column, with its interval."""
+    """Format the typical difference of a comparison in the unit of its column, with its interval."""
     column = next(each for each in COLUMNS if each.key == found["metric"])
     factor, unit = (_MM_PER_M, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
     low, high = (format_number({column.key: factor * each}, column) for each in found["typical_interval"])
@@ -706,7 +718,7 @@ def _format_difference(found: Mapping[str, Any]) -> str:
 
 
 def _describe_choice(sites: Mapping[str, Any]) -> str:
-    """The chosen site beside the truth, in words."""
+    """Describe the chosen site beside the truth in words."""
     if sites["chosen"] is None:
         return "no site chosen"
     if sites["dangerous_choice"]:
@@ -734,7 +746,7 @@ def _make_pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> di
 
 
 def _draw_roc(summary: _Entries, unit: str) -> str:
-    """The mean ROC curves of the methods over pairs or sites, the ``unit``, as SVG."""
+    """Draw the mean ROC curves of the methods over pairs or sites, the ``unit``, as SVG."""
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(1, width=5.2, height=4.2)
         axis = axes[0, 0]

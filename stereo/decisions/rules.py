@@ -22,13 +22,13 @@ class SiteRules:
     disc_m: float
     slope_deg: float  # most slope of the plane under the disc
     roughness_m: float  # most root mean square distance from that plane
-    rock_height_m: float  # height above the ground around from which on an object is a rock
+    rock_height_m: float  # height above the surrounding ground from which on an object is a rock
     rock_distance_m: float  # least distance to a rock
     joint_margin_deg: float  # least margin of each joint of the arm to its limit
-    lit_share: float  # least share of the disc in light of the Sun; 0: not asked
+    lit_share: float  # least share of the disc in sunlight; 0: not required
     lit_level: float  # share of the median level from which on a pixel is lit
     known_share: float  # least share of known cells in the disc
-    tolerance: float  # a site that misses a limit by more than this share of it is dangerous, else marginal
+    tolerance: float  # an unsafe site that misses a limit by more than this share of it is dangerous, else marginal
     # Rules that apply only if a file states them.
     least_albedo: float | None = None  # albedo of the disc in even light, as the mean of the bands R, G, B
     most_albedo: float | None = None
@@ -36,14 +36,13 @@ class SiteRules:
 
     @property
     def needs_materials(self) -> bool:
-        """Whether a rule is about albedo or salts."""
+        """Whether a rule limits albedo or salts."""
         return (self.least_albedo, self.most_albedo, self.salt_share) != (None, None, None)
 
 
 @dataclass(frozen=True)
 class PadRules:
-    """Limits of a position for a landing pad; anything under it that stands higher than ``rock_height_m`` is too
-    high."""
+    """Limits of a position for a landing pad. No part of the ground under it may be higher than ``rock_height_m``."""
 
     disc_m: float
     slope_deg: float
@@ -53,7 +52,7 @@ class PadRules:
 
 @dataclass(frozen=True)
 class CellRules:
-    """How the points of a depth become heights of cells, and the stated errors of these heights."""
+    """How the points of a depth become heights of cells, and which errors of these heights are stated."""
 
     fewest_points: float  # points for a height of a cell
     gap_m: float  # widest gap between known cells that is filled; 0 fills none
@@ -62,7 +61,7 @@ class CellRules:
     error_width_px: float  # side of the square of pixels that share an error of a matcher
 
 
-#: The cells of all versions before 0.4: three points, no filled gaps, roughness with the errors of the heights.
+#: The rules of cells before version 0.4: three points, no filled gaps, roughness with the errors of the heights.
 FIRST_CELLS = CellRules(3.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -75,7 +74,7 @@ class Rules:
     cells: CellRules = FIRST_CELLS
 
     def to_json(self) -> dict[str, dict[str, float]]:
-        """The rules as JSON tables, without limits that do not apply."""
+        """Return the rules as JSON tables, without limits that do not apply."""
         tables: dict[str, dict[str, float | None]] = asdict(self)
         return {
             part: {key: value for key, value in table.items() if value is not None} for part, table in tables.items()
@@ -89,7 +88,7 @@ _MAY_BE_ZERO = ("lit_share", "gap_m", "debias", "disparity_error_px", "tolerance
 
 
 def read_rules(path: Path | None = None) -> Rules:
-    """The shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
+    """Read the shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
     tables = _read_rule_tables(SHIPPED_RULES)
     if path is not None:
         for part, own in _read_rule_tables(path).items():

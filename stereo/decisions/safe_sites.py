@@ -1,7 +1,7 @@
 """Finds the cells where it is safe to sample, by stated rules, from the heights of a workspace.
 
 The truth's map and a matcher's map come from the same function and rules, and differ only in the known heights. Unknown
-ground is unsafe.
+ground counts as unsafe.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .footprints import (
 from .materials import Materials
 from .rules import SiteRules
 
-#: The code of a cell that fails no rule. Other codes are 1 + the place in ``judge_sites`` of the first failed rule.
+#: The code of a cell that fails no rule. Other codes are 1 + the index in ``judge_sites`` of the first failed rule.
 SAFE = 0
 #: The rules in the order of ``judge_sites``, as keys of tables.
 RULE_NAMES = (
@@ -40,7 +40,7 @@ RULE_NAMES = (
 )
 #: Diameter of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _SURROUNDINGS_FACTOR = 2.0
-#: Number of fits of the ground around, each without the rocks of the fit before.
+#: Number of fits of the surrounding ground, each without the rocks of the fit before.
 _PLANE_FITS = 3
 
 
@@ -60,9 +60,11 @@ class SiteLayers:
 
 @dataclass(frozen=True)
 class Sites:
-    """A suitability map. ``margin`` is the smallest distance of a value from its limit over all rules: safe from 0 on,
-    at most 1, minus infinity where a value is unknown. Its unit is the limit. For a share that meets its limit, the
-    unit is the distance of the limit from 1. ``failed`` is SAFE or the code of the first rule that fails.
+    """A suitability map.
+
+    ``margin`` is the smallest distance of a value from its limit over all rules: safe from 0 on, at most 1, minus
+    infinity where a value is unknown. Its unit is the limit; for a share above its limit, the unit is the distance of
+    the limit from 1. ``failed`` is SAFE or the code of the first rule that fails.
     """
 
     margin: Array
@@ -76,7 +78,8 @@ class Sites:
 
 
 def find_rocks(height_m: Array, cell_m: float, rules: SiteRules) -> Array:
-    """Find the cells (rows, columns), bool, that rise more than ``rock_height_m`` above the plane of the ground around.
+    """Find the cells (rows, columns), bool, that rise more than ``rock_height_m`` above the plane of the surrounding
+    ground.
 
     The plane is fitted again without the rocks, so that a rock does not raise its own ground.
     """
@@ -101,11 +104,10 @@ def measure_layers(
 ) -> SiteLayers:
     """Measure the layers of an elevation model that the rules judge.
 
-    With ``errors`` of its heights, the share ``debias`` of their effect on roughness and slope is removed.
-
     ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
     joint margin of the arm with its scoop at the cell, NaN out of reach. ``rocks`` is true in cells with a rock; if it
-    is None, rocks are found in the heights. ``materials`` are needed if the rules ask for them.
+    is None, rocks are found in the heights. ``materials`` are needed if a rule limits them. With ``errors`` of the
+    heights, the share ``debias`` of their effect on roughness and slope is removed.
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
@@ -127,17 +129,17 @@ def measure_layers(
 
 
 def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
-    """The suitability map of layers by rules."""
+    """Return the suitability map of layers by rules."""
     margins = [
-        _margin_of_share(layers.known_share, rules.known_share),
-        _margin_below(layers.slope_deg, rules.slope_deg),
-        _margin_below(layers.roughness_m, rules.roughness_m),
-        _margin_above(layers.rock_distance_m, rules.rock_distance_m),
-        _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
-        _limit_margin(_margin_of_share, layers.lit_share, rules.lit_share or None),
-        _limit_margin(_margin_of_share, layers.albedo, rules.least_albedo),
-        _limit_margin(_margin_below, layers.albedo, rules.most_albedo),
-        _limit_margin(_margin_of_share, layers.salt_share, rules.salt_share),
+        _measure_margin_of_share(layers.known_share, rules.known_share),
+        _measure_margin_below(layers.slope_deg, rules.slope_deg),
+        _measure_margin_below(layers.roughness_m, rules.roughness_m),
+        _measure_margin_above(layers.rock_distance_m, rules.rock_distance_m),
+        _measure_margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
+        _measure_optional_margin(_measure_margin_of_share, layers.lit_share, rules.lit_share or None),
+        _measure_optional_margin(_measure_margin_of_share, layers.albedo, rules.least_albedo),
+        _measure_optional_margin(_measure_margin_below, layers.albedo, rules.most_albedo),
+        _measure_optional_margin(_measure_margin_of_share, layers.salt_share, rules.salt_share),
     ]
     margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
@@ -149,22 +151,24 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     )
 
 
-def _limit_margin(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
-    """The margin by a rule: infinite without a rule, and unknown without a value."""
+def _measure_optional_margin(
+    margin: Callable[[Array, float], Array], value: Array | None, limit: float | None
+) -> Array:
+    """Return the margin of a value to a limit: infinite without a limit, NaN without a value."""
     if limit is None:
         return np.array(np.inf)
     return np.array(np.nan) if value is None else margin(value, limit)
 
 
-def _margin_below(value: Array, limit: float) -> Array:
+def _measure_margin_below(value: Array, limit: float) -> Array:
     return (limit - value) / limit
 
 
-def _margin_above(value: Array, limit: float) -> Array:
+def _measure_margin_above(value: Array, limit: float) -> Array:
     return (value - limit) / limit
 
 
-def _margin_of_share(value: Array, limit: float) -> Array:
+def _measure_margin_of_share(value: Array, limit: float) -> Array:
     """Return the margin of a share: 0 at its ``limit``, 1 at a share of 1.
 
     In units of the limit, completely known ground would have a margin of 0.11 at a limit of 0.9. This would be the
@@ -175,9 +179,9 @@ def _margin_of_share(value: Array, limit: float) -> Array:
 
 
 def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:
-    """Row and column of the chosen site: the safe cell ``among`` these with the largest margin.
+    """Return the row and column of the chosen site: the safe cell ``among`` these with the largest margin.
 
-    Of equal cells, the nearest to the middle of the map is chosen, then the first by row and column. None without a
+    Among equal cells, the nearest to the middle of the map is chosen, then the first by row and column. None without a
     safe cell.
     """
     margin = np.where(among & sites.safe, sites.margin, -np.inf)
@@ -191,11 +195,11 @@ def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:
 
 
 def find_lit_cells(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
-    """1.0 where the middle of the Sun, in this direction of the site, is visible from a cell, 0.0 where higher ground
-    hides it, NaN for an unknown height.
+    """Find the cells (rows, columns) from which the middle of the Sun, in this direction of the site, is visible.
 
-    Heights are linear between the middles of neighbouring cells, and a ray is compared with them at each crossing of a
-    row or a column of middles. Unknown cells and cells beyond the border cast no shadow.
+    A cell is 1.0 if it is lit, 0.0 if higher ground hides the Sun, NaN if its height is unknown. Heights are linear
+    between the middles of neighbouring cells, and a ray is compared with them at each crossing of a row or a column of
+    middles. Unknown cells and cells beyond the border cast no shadow.
     """
     east, north, up = (float(each) for each in toward_sun)
     level = float(np.hypot(east, north))
@@ -215,8 +219,10 @@ def find_lit_cells(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
 def _find_crossings(
     shape: tuple[int, ...], toward: tuple[float, float], reach: float
 ) -> Iterator[tuple[float, float, float]]:
-    """The crossings of a level ray from a cell with rows and columns of middles: the distance, and its rows and
-    columns, all in cells, up to the border of a map of this shape or to ``reach``.
+    """Yield the crossings of a level ray from a cell with rows and columns of the cells' middles.
+
+    A crossing is its distance, row and column from the cell, all in cells. Crossings end at the border of a map of this
+    shape or at the distance ``reach``.
     """
     for axis, rate in enumerate(map(abs, toward)):
         if rate > 1e-9:
@@ -227,8 +233,10 @@ def _find_crossings(
 
 
 def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
-    """For each cell the height ``rows`` and ``columns`` away: linear between two cells, as one of both is a
-    whole number, minus infinity if one of them is unknown or beyond the border.
+    """Interpolate for each cell the height ``rows`` and ``columns`` away, where at least one of the two is a whole
+    number.
+
+    The height is linear between two cells, minus infinity if one of them is unknown or beyond the border.
     """
     below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
     share = max(rows - below[0], columns - below[1])
@@ -240,7 +248,7 @@ def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
 
 
 def _shift_cells(values: Array, rows: int, columns: int) -> Array:
-    """For each cell the value of the cell ``rows`` and ``columns`` away; minus infinity beyond the border."""
+    """Return for each cell the value of the cell ``rows`` and ``columns`` away; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
     if abs(rows) < height and abs(columns) < width:
@@ -251,10 +259,9 @@ def _shift_cells(values: Array, rows: int, columns: int) -> Array:
 
 
 def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: float, known_share: float) -> Array:
-    """Codes, uint8 (rows, columns), of a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock
-    under it.
+    """Judge a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock under it.
 
-    A rock is a part higher than ``rock_height_m`` above the plane under the pad.
+    The codes are uint8 (rows, columns). A rock is a part higher than ``rock_height_m`` above the plane under the pad.
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, diameter_m)

@@ -1,4 +1,4 @@
-"""The scoop of a pair's arm: its pixels, its true position, its commanded position, and its position by a depth."""
+"""The scoop of a pair's arm: its pixels, and its true, commanded and measured positions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MODEL_POINT_COUNT = 6000
 
 @dataclass(frozen=True)
 class Scoop:
-    """The scoop of a pair. Its poses (4, 4) are link to site."""
+    """The scoop of a pair. The poses ``true`` and ``commanded`` (4, 4) transform from the link to the site."""
 
     mask: Array  # boolean (H, W) of the left image
     true: Array
@@ -32,7 +32,10 @@ class Scoop:
 
 
 def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | None:
-    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None without a shipped arm in the image."""
+    """Return the scoop of a pair whose left eye has this ``pose`` (4, 4).
+
+    None without a shipped arm, or without labels of instances.
+    """
     links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
     if SCOOP_LINK not in links or pair.settings.lander.kind != "PARAMETRIC":
         return None
@@ -53,8 +56,9 @@ def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | 
 
 
 def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
-    """The ``commanded`` angles, degrees, of the joints of a pair's arm, and the ``fault`` of each; None without a
-    shipped arm.
+    """Read the ``commanded`` angles, degrees, of the joints of a pair's arm, and the ``fault`` of each.
+
+    None without a shipped arm.
     """
     if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
         return None
@@ -68,10 +72,10 @@ def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
 def locate_scoop(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
     """Locate the scoop in a planar depth (H, W), m, of a left eye with this ``pose`` (4, 4).
 
-    ``error_mm`` at its middle and ``error_deg`` are from the true pose. ``apart_mm`` is the distance of the true pose
-    from the commanded one. ``found_mm`` (3,) is the found pose relative to the commanded one: east, north, up.
-    ``pixels`` is the scoop's number of pixels, and ``known`` the share of these with a depth. Values are None if no
-    pose is found.
+    ``error_mm`` is the distance of its middle from the true middle, ``error_deg`` its angle from the true pose, and
+    ``apart_mm`` the distance of the commanded pose from the true one. ``found_mm`` (3,) is the found middle relative to
+    the commanded one: east, north, up. ``pixels`` is the scoop's number of pixels, and ``known`` the share of them with
+    a depth. Values are None if no pose is found.
     """
     apart, _ = measure_pose_error(scoop.true, scoop.commanded, scoop.middle)
     points, _ = back_project_depth(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)

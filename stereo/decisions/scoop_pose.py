@@ -2,7 +2,7 @@
 
 Each step reduces the distances of the points to the plane at the nearest point of the link's surface (Chen and Medioni
 1992), and the distance to the commanded pose, weighted by the expected error of joints. Without the commanded pose the
-result would turn at random, since few points lie on all sides of a scoop and a matcher's points have common errors. A
+result would turn at random, because few points lie on all sides of a scoop and a matcher's points have common errors. A
 faulty joint shows as a pose that differs from the commanded one by more than the noise.
 
 If a fault moves the link farther than its own size, points are nearest to a wrong side, and the steps end at a worse
@@ -29,19 +29,19 @@ _OUTLIER_FACTOR, _MIN_OUTLIER_M = 2.5, 1e-3
 _PRIOR_TURN_RAD, _PRIOR_SHIFT_M = math.radians(4.0), 0.12
 #: Number of points with a common error, a window of 5 x 5 pixels; and the least noise of a point, m.
 _CORRELATED_POINTS, _MIN_NOISE_M = 25, 2e-4
-#: Fewest points for a pose: a scoop of 10 x 8 cm has some 190 pixels in the paper's camera, and half of them are seen.
+#: Fewest points for a pose. A scoop of 10 x 8 cm has some 190 pixels in the paper's camera; half of them are visible.
 FEWEST_POINTS = 40
-#: Most points that are matched; more take time and change little.
+#: Most points that are matched. More points take time and change little.
 _MAX_POINTS = 500
-#: The other starts: turns (degrees, both ways about each axis), numbers of points and steps of the comparison, and the
-#: largest misfit of a better start as a share of the misfit from the commanded pose.
+#: The other starts: turn (degrees, both ways about each axis), numbers of points and steps of the comparison, and the
+#: largest ratio of a better start's misfit to the misfit from the commanded pose.
 _START_TURN_DEG, _START_POINTS, _START_STEPS, _BETTER_START_SHARE = 15.0, 150, 15, 0.5
-#: Largest distance that counts in a misfit, m, since points beside the link are far from all poses.
+#: Largest distance that counts in a misfit, m, because points beside the link are far from all poses.
 _MAX_MISFIT_M = 0.02
 
 
 def sample_surface(vertices: Array, triangles: Array, count: int, random: np.random.Generator) -> Array:
-    """Points and unit normals (count, 6) spread evenly over triangles (m, 3) of vertices (n, 3)."""
+    """Sample points and unit normals (count, 6) evenly on triangles (m, 3) of vertices (n, 3)."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     area = np.linalg.norm(cross, axis=1)
@@ -52,9 +52,11 @@ def sample_surface(vertices: Array, triangles: Array, count: int, random: np.ran
 
 
 def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random: np.random.Generator) -> Array | None:
-    """Find the pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in the link's frame), from
-    points (m, 3) on it that an ``eye`` (3,) sees, starting at the ``commanded`` pose (4, 4). None if there are too few
+    """Find the pose (4, 4) of a link from points (m, 3) on it that an ``eye`` (3,) sees. None if there are too few
     points.
+
+    ``model`` (n, 6) has points and normals of the link's surface in its own frame. The search starts at the
+    ``commanded`` pose (4, 4).
     """
     if len(points) < FEWEST_POINTS:
         return None
@@ -63,8 +65,7 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
     facing = _select_facing_points(_transform_cloud(model, commanded), eye)
     if len(facing) < FEWEST_POINTS:
         return None
-    # Motions are about the link's middle, since the site's origin may be far away and a turn there would shift the
-    # link.
+    # Motions are about the link's middle. A turn about the site's origin, which may be far away, would shift the link.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
     motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _MAX_STEPS)
@@ -75,20 +76,21 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
 
 
 def _find_best_start(surface: Array, points: Array) -> Array:
-    """The start motion (4, 4) of a surface (n, 6) from which the steps reach the best fit to points (m, 3)."""
+    """Find the start motion (4, 4) of a surface (n, 6) from which the steps reach the best fit to points (m, 3)."""
     few = points[:: math.ceil(len(points) / _START_POINTS)]
     moved = rigid_transform(None, np.median(points, axis=0))
     turns = [rotation_about(sign * axis, math.radians(_START_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
     starts = [np.eye(4), moved, *(moved @ rigid_transform(each, np.zeros(3)) for each in turns)]
     reached = [_fit_motion(surface, few, start, _START_STEPS)[0] for start in starts]
-    misfits = np.array([_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
+    misfits = np.array([_measure_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
     return reached[best if misfits[best] < _BETTER_START_SHARE * misfits[0] else 0]
 
 
 def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tuple[Array, float]:
-    """The motion (4, 4) after at most ``steps`` steps that fit a surface (n, 6) to points (m, 3), and the points'
-    distance from it, RMS, m.
+    """Fit a surface (n, 6) to points (m, 3) in at most ``steps`` steps.
+
+    Return its motion (4, 4), and the RMS distance of the points from it, m.
     """
     left = math.inf
     for _ in range(steps):
@@ -99,8 +101,8 @@ def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tup
     return motion, left
 
 
-def _rms_distance_m(surface: Array, points: Array) -> float:
-    """RMS distance of points (m, 3) from a surface (n, 6), m, each limited to ``_MAX_MISFIT_M``."""
+def _measure_rms_distance_m(surface: Array, points: Array) -> float:
+    """Measure the RMS distance, m, of points (m, 3) from a surface (n, 6), each limited to ``_MAX_MISFIT_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
     apart = squared.min(axis=1) + (points**2).sum(axis=1)
@@ -108,8 +110,9 @@ def _rms_distance_m(surface: Array, points: Array) -> float:
 
 
 def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
-    """The next motion (4, 4) of a surface (n, 6), which was moved by ``motion``, toward points (m, 3) and the commanded
-    pose; and the points' distance from it, RMS, m.
+    """Step a surface (n, 6), which was moved by ``motion``, toward points (m, 3) and the commanded pose.
+
+    Return the step's motion (4, 4), and the RMS distance of the points from the surface, m.
     """
     place, normal = surface[:, :3], surface[:, 3:]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
@@ -133,15 +136,15 @@ def _transform_cloud(cloud: Array, motion: Array) -> Array:
 
 
 def _select_facing_points(cloud: Array, eye: Array) -> Array:
-    """The points whose normals face the eye. Other points are invisible to the eye and would bias the fit."""
+    """Select the points whose normals face the eye. Other points are invisible to the eye and would bias the fit."""
     return cloud[((eye - cloud[:, :3]) * cloud[:, 3:]).sum(axis=1) > 0]
 
 
 def measure_pose_error(found: Array, true: Array, point: Array) -> tuple[float, float]:
-    """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
+    """Measure the error of a pose (4, 4) from the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T
-    # By the sine too, because the arc cosine of a small angle loses half of its digits.
+    # The sine is used too, because the arc cosine of a small angle loses half of its digits.
     sine = (
         np.linalg.norm(
             [apart_by[2, 1] - apart_by[1, 2], apart_by[0, 2] - apart_by[2, 0], apart_by[1, 0] - apart_by[0, 1]]

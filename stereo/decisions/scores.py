@@ -12,9 +12,9 @@ import numpy as np
 from ...support.arrays import Array
 from .safe_sites import RULE_NAMES, Sites, choose_site
 
-#: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
+#: False-positive rates at which a ROC curve is sampled: shares of the unsafe cells that are taken for safe.
 ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
-#: Margins at which the taken cells are counted, from the strictest on. They are fixed before any ground is seen.
+#: Margins from which on the taken cells are counted, the strictest first. They are fixed before any ground is seen.
 THRESHOLDS = tuple(round(1 - k / 100, 2) for k in range(101))
 #: Rounding of a margin that does not make a site dangerous.
 _ROUNDING = 1e-12
@@ -23,10 +23,10 @@ _ROUNDING = 1e-12
 def score_sites(
     found: Sites, truth: Sites, among: Array, tolerance: float = 0.0, offered: Array | None = None
 ) -> dict[str, Any]:
-    """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
+    """Score a suitability map against the true one over the cells ``among``; None where a number is undefined.
 
     A site is chosen from the cells ``offered``, by default ``among``. They should not depend on the truth, which no
-    lander knows: a site that is out of reach in truth, or of unknown truth, is then unsafe, and not forbidden.
+    lander knows. So a site that is out of reach in truth, or of unknown truth, is unsafe, but may be chosen.
 
     * ``base_rate``: share of safe cells, which is the average precision of a random guess.
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
@@ -40,10 +40,10 @@ def score_sites(
     * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
     * ``unsafe_choice``: 1 if the chosen site is unsafe, else 0; ``no_site``: 1 if no site is chosen although the truth
       has a safe one, else 0. ``dangerous_choice``: 1 if the chosen site is dangerous, else 0.
-    * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true one,
+    * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true margin,
       ``chosen_true_margin``; ``best``: the safe site with the largest true margin.
-    * ``taken_from`` and ``unsafe_from``: numbers of offered and taken cells with at least each margin of
-      ``THRESHOLDS``, and of the unsafe ones among them; ``offered``: number of offered cells.
+    * ``taken_from`` and ``unsafe_from``: by margin of ``THRESHOLDS``, the number of offered and taken cells with at
+      least this margin, and the number of unsafe ones among them; ``offered``: number of offered cells.
     * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
@@ -65,9 +65,10 @@ def score_sites(
 
 
 def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
-    """Average precision, ROC area and the ROC curve at ``ROC_FALSE_SAFE_SHARES`` of scores (n,) and truth (n,).
+    """Return the average precision, the ROC area and the ROC curve of scores (n,) against the truth ``positive`` (n,).
 
-    Equal scores are one step of the curves. None if all or none are positive.
+    The curve is sampled at ``ROC_FALSE_SAFE_SHARES``. Equal scores are one step of the curves. Values are None if all
+    or none are positive.
     """
     total = int(positive.sum())
     if total in (0, positive.size):
@@ -87,7 +88,7 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
 
 
 def is_within_tolerance(margin: Array, tolerance: float) -> Array:
-    """Whether margins are at least minus the tolerance, but for rounding."""
+    """Return whether margins are at least minus the tolerance, apart from rounding."""
     return np.asarray(margin >= -tolerance - _ROUNDING)
 
 
@@ -126,13 +127,13 @@ def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float, of
 def _count_by_margin(found: Sites, truth: Sites, offered: Array) -> dict[str, Any]:
     taken = offered & found.safe
     return {
-        "taken_from": _count_from(found.margin[taken]),
-        "unsafe_from": _count_from(found.margin[taken & ~truth.safe]),
+        "taken_from": _count_margins(found.margin[taken]),
+        "unsafe_from": _count_margins(found.margin[taken & ~truth.safe]),
         "offered": int(offered.sum()),
     }
 
 
-def _count_from(margin: Array) -> list[int]:
+def _count_margins(margin: Array) -> list[int]:
     """Count the margins (n,) that are at least each of ``THRESHOLDS``."""
     below = np.searchsorted(np.sort(margin), THRESHOLDS, side="left")
     return [int(margin.size - count) for count in below]

@@ -17,7 +17,7 @@ from .dem import Grid, read_cells
 
 #: Kinds of maps: the margin of a site, the slope under its disc, and the height error of the elevation model.
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
-#: The label of the row of the true depth, which shows the effect of the rules, the cells and hidden ground alone.
+#: The label of the true depth's row. This row shows the effect of the rules, the cells and hidden ground alone.
 TRUE_DEPTH = "true depth"
 #: The action of a lander on a pair: take the chosen site, abstain, or abstain on ground without a guarantee.
 GUARANTEED, ABSTAINS, UNLIKE = "guaranteed", "abstains", "unlike"
@@ -42,7 +42,7 @@ _FACTS_SHAPE = {
     "origin_m": Each(NUMBER),
     "images": Each(TEXT, TEXT),
 }
-#: Limits of files: bytes of ``decisions.json``, and cells along a side as ``icymoon decide`` writes at most.
+#: Limits of files: bytes of ``decisions.json``, and the most cells along a side that ``icymoon decide`` writes.
 _MAX_BYTES, _MAX_CELLS = 2**27, 4096
 
 
@@ -62,7 +62,7 @@ class StoredMap:
 
 
 def list_methods(folder: Path) -> list[str]:
-    """Labels of the matchers with decisions in a folder, the label of the true depth last; empty without any."""
+    """List the labels of the matchers with decisions in a folder, the true depth last; empty without decisions."""
     try:
         rows = _read_report(folder)["rows"]
     except IcyMoonError:
@@ -71,12 +71,15 @@ def list_methods(folder: Path) -> list[str]:
 
 
 def list_pairs(folder: Path, method: str) -> list[str]:
-    """The pairs with decisions of a matcher. Raises IcyMoonError if the decisions cannot be read."""
+    """List the pairs with decisions of a matcher. Raises IcyMoonError if the decisions cannot be read."""
     return [row["pair"] for row in _read_report(folder)["rows"] if row["method"] == method and row["images"]]
 
 
 def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
-    """Read a map. Raises IcyMoonError if a file is missing, damaged, or of a different map."""
+    """Read a map of ``kind`` by a matcher on a pair.
+
+    Raises IcyMoonError if a file is missing, damaged, or of a different map.
+    """
     report = _read_report(folder)
     row = next((each for each in report["rows"] if (each["pair"], each["method"]) == (pair, method)), None)
     path = folder / "pairs" / pair / "decisions.json"
@@ -132,7 +135,7 @@ def _read_values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, 
 
 
 def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -> Array:
-    """Numbers of all cells, float64."""
+    """Read the values of all cells, float64. Raises IcyMoonError if there is no file of this name in the folder."""
     path = folder / files.get(name, "")
     if name not in files or "\0" in files[name] or not path.resolve().is_relative_to(folder.resolve()):
         raise IcyMoonError(f"The decisions in {folder} have no map of this kind; {_DECIDE_AGAIN}.")
@@ -145,13 +148,14 @@ def _find_chosen_cell(chosen: list[int] | None, grid: Grid) -> tuple[int, int] |
 
 
 def trace_outlines(cells: Array) -> list[Array]:
-    """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in order along the
-    outline. Holes have outlines too.
+    """Trace the closed outlines of the true cells (rows, columns).
+
+    An outline is the corners (n, 2) of cells, row first, in order along it. Holes have outlines too.
     """
     padded = np.pad(cells, 1)
     inner = padded[1:-1, 1:-1]
     after: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    # The neighbour that is false, then both ends of the edge to it, with the true cell on the right.
+    # A false neighbour, then both ends of the edge to it; the true cell is on the right of the edge.
     for other, start, end in (
         (padded[:-2, 1:-1], (0, 0), (0, 1)),
         (padded[1:-1, 2:], (0, 1), (1, 1)),
@@ -161,7 +165,7 @@ def trace_outlines(cells: Array) -> list[Array]:
         for row, column in np.argwhere(inner & ~other).tolist():
             after.setdefault((row + start[0], column + start[1]), []).append((row + end[0], column + end[1]))
     found = []
-    while after:  # each corner has as many edges in as out, so a way along them ends at its start
+    while after:  # at each corner as many edges end as start, so a way along them returns to its start
         way = [next(iter(after))]
         while len(way) == 1 or way[-1] != way[0]:
             ends = after[way[-1]]

@@ -23,13 +23,13 @@ from ..measure.prepare_pair import PreparedPair
 from .cell_errors import CellErrors, fill_gaps, measure_sampling_variance, state_errors
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import average_under_footprint, fit_planes
-from .height_errors import Shape, count_errors, state_shape
+from .height_errors import ErrorShape, count_errors, state_shape
 from .joint_margin import find_joint_margins_deg
 from .materials import (
     Materials,
     compute_white_radiance,
     make_true_materials,
-    measure,
+    measure_materials,
     refuse_lamps,
     scale_sun_irradiance,
 )
@@ -43,7 +43,7 @@ DEFAULT_CELL_M = 0.02
 _LANDER_CLASS = 2
 #: Distance from the lander, px, within which a depth may be the lander's: half of StereoBM's default window of 17.
 _LANDER_MARGIN_PX = 8
-#: Numbers of a decision that a lander knows without the truth, by which grounds are compared.
+#: Numbers that a lander knows without the truth, by which grounds are compared.
 FEATURES = ("known share", "slope", "roughness", "share near rocks", "share in light", "contrast", "Sun's elevation")
 #: Share from which on a footprint is inside the workspace: all of it, with a margin for rounding.
 _WHOLE_SHARE = 1 - 1e-6
@@ -51,7 +51,7 @@ _WHOLE_SHARE = 1 - 1e-6
 
 @dataclass(frozen=True)
 class DecisionMaps:
-    """The maps from one depth: elevation model, suitability of each cell, and places for a pad."""
+    """Maps from one depth: elevation model, suitability of each cell, and places for a pad."""
 
     dem: Dem
     sites: Sites
@@ -67,7 +67,7 @@ class Workspace:
     pair: Pair
     pose: Array  # (4, 4), from the left eye of the parallel rig to the site
     rules: Rules
-    exact: bool  # whether the true heights come from the meshes, and not from the true depth of both eyes
+    exact: bool  # the true heights come from the meshes, not from the true depth of both eyes
     seen: Array  # boolean (rows, columns): the left image shows this cell
     inside: Array  # boolean: the whole footprint of a site is in the workspace
     reached: Array  # boolean: inside, and within the joint limits of the arm
@@ -80,10 +80,10 @@ class Workspace:
 
 
 def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = None) -> Workspace:
-    """The workspace of a pair with the truth's decisions.
+    """Return the workspace of a pair with the truth's decisions.
 
     ``cell_m`` is the side of a cell for a pair without true heights. Raises IcyMoonError for a pair of another program,
-    without the camera's position, with a rolling shutter, or without ground.
+    without the camera's position, with a rolling shutter, or without visible ground.
     """
     pair, pose = _find_place(prepared)
     if stated := pair.data.get("workspace"):
@@ -97,8 +97,9 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
 
 
 def make_workspace(prepared: PreparedPair, rules: Rules, grid: Grid, heights_m: Array) -> Workspace:
-    """The workspace of a pair with the truth's decisions from exact heights (2, rows, columns): with the rocks, and of
-    the ground without them. Raises IcyMoonError as ``open_workspace``.
+    """Return the workspace of a pair with the truth's decisions from exact heights (2, rows, columns).
+
+    The first heights are with the rocks, the second of the ground alone. Raises IcyMoonError as ``open_workspace``.
     """
     dem = Dem(grid, heights_m[0], np.where(np.isfinite(heights_m[0]), 1, 0))
     rocks = heights_m[0] - heights_m[1] > rules.site.rock_height_m
@@ -109,8 +110,11 @@ def make_workspace(prepared: PreparedPair, rules: Rules, grid: Grid, heights_m: 
 def _judge_truth(
     prepared: PreparedPair, rules: Rules, dem: Dem, rocks: Array, seen_points: Array, exact: bool
 ) -> Workspace:
-    """The workspace with these true heights, cells (rows, columns) with a rock, and points (n, 3), m, that the left
-    image shows."""
+    """Return the workspace with decisions from the true heights ``dem``.
+
+    ``rocks`` (rows, columns) are the cells with a rock, ``seen_points`` (n, 3), m, the points that the left image
+    shows.
+    """
     pair, pose = _find_place(prepared)
     grid = dem.grid
     margin = _find_joint_margins(pair, pose, dem)
@@ -132,7 +136,7 @@ def _judge_truth(
 
 
 def _find_place(prepared: PreparedPair) -> tuple[Pair, Array]:
-    """The pair and the pose of its left eye. Raises IcyMoonError for a pair on which nothing can be decided."""
+    """Return the pair and the pose of its left eye. Raises IcyMoonError for a pair on which nothing can be decided."""
     pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
     if not isinstance(pair, Pair) or pose is None:
         raise IcyMoonError(
@@ -144,7 +148,7 @@ def _find_place(prepared: PreparedPair) -> tuple[Pair, Array]:
 
 
 def _find_seen_points(prepared: PreparedPair, pair: Pair, pose: Array) -> Array:
-    """Points (n, 3), m, of the ground that the left image shows. Raises IcyMoonError without any."""
+    """Find the points (n, 3), m, of the ground that the left image shows. Raises IcyMoonError if it shows no ground."""
     known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
     points, _ = back_project_depth(known, pair.camera.rectified, pose)
     if not len(points):
@@ -153,7 +157,7 @@ def _find_seen_points(prepared: PreparedPair, pair: Pair, pose: Array) -> Array:
 
 
 def read_sun_direction(pair: Pair) -> Array:
-    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair lacks it."""
+    """Read the unit vector from the site to the Sun. Raises IcyMoonError if the pair lacks it."""
     if pair.sun is None:
         raise IcyMoonError(
             f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair again."
@@ -164,16 +168,16 @@ def read_sun_direction(pair: Pair) -> Array:
 def decide_from_depth(
     workspace: Workspace, depth_m: Array, pose: Array | None = None, disparity_error_px: float = 0.0
 ) -> DecisionMaps:
-    """The maps from a planar depth (H, W) of the left image, NaN where unknown.
+    """Return the maps from a planar depth (H, W) of the left image, NaN where unknown.
 
     ``pose`` is the pose that the lander assumes for its left eye; by default the true pose. ``disparity_error_px`` is
-    the standard deviation of the disparities behind the depth.
+    the standard deviation of the disparities from which the depth was computed.
     """
     pose = workspace.pose if pose is None else pose
     ground = np.where(_find_pixels_apart_from_lander(workspace.prepared), depth_m, np.nan)
     position, index = back_project_depth(ground, workspace.pair.camera.rectified, pose)
     rules = workspace.rules
-    dem, errors = _make_stated_dem(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
+    dem, errors = _make_dem_with_errors(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
     margin = _find_joint_margins(workspace.pair, pose, dem)
     bright = find_lit_pixels(workspace.prepared, rules.site.lit_level).astype(np.float64)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
@@ -182,17 +186,20 @@ def decide_from_depth(
     return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules), errors)
 
 
-def _make_stated_dem(
+def _make_dem_with_errors(
     workspace: Workspace, position: Array, depth_m: Array, pose: Array, disparity_error_px: float
 ) -> tuple[Dem, CellErrors]:
-    """The elevation model of points (n, 3) with depths (n,), with small gaps filled, and the errors of its heights."""
+    """Make the elevation model of points (n, 3), m, with depths (n,), m, and fill its small gaps.
+
+    Return the model and the errors that the lander states for its heights.
+    """
     cells, grid, disc_m = workspace.rules.cells, workspace.grid, workspace.rules.site.disc_m
     dem = make_dem(position, grid, round(cells.fewest_points))
     variance = measure_sampling_variance(position, grid, disc_m)
     if disparity_error_px > 0:
         camera = workspace.pair.camera.rectified
         depth_error = depth_m**2 * disparity_error_px / (camera.focal_px * camera.baseline_m)
-        # A depth moves its point along the ray, which rises by this much for each metre of depth.
+        # An error of the depth moves the point along its ray. The height of the ray changes by ``rise`` per metre.
         rise = (position[:, 2] - pose[2, 3]) / depth_m
         variance = variance + mean_by_cell(position, (rise * depth_error) ** 2, grid)
     shared = cells.error_width_px**2 / np.maximum(dem.points, 1)
@@ -201,13 +208,12 @@ def _make_stated_dem(
 
 
 def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:
-    """The numbers of decisions beside the truth's: ``dem``, ``sites``, ``pads``, and if rules ask for them
-    ``materials``; None where one is undefined.
+    """Compare decisions with the truth's: ``dem``, ``sites``, ``pads``, and if rules need them ``materials``.
 
     The elevation model without filled cells is compared over the cells in reach that the left image shows; its
     ``reached`` completeness is over all cells in reach. Sites are compared over the cells in reach with a known true
     height, but chosen from all cells whose footprint is inside. Pads are compared over all cells whose footprint is
-    inside.
+    inside. Undefined numbers are None.
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known
@@ -231,9 +237,11 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
 
 
 def measure_features(workspace: Workspace, found: DecisionMaps) -> dict[str, float]:
-    """The numbers ``FEATURES`` of a decision, over the cells whose whole footprint is in the workspace: mean or median;
-    slope in degrees, roughness in mm, contrast as standard deviation over mean of the image of the ground. Unknown
-    numbers are 0. They are rounded, so that noise of the computation makes no ground unlike others.
+    """Measure the numbers ``FEATURES`` of a decision, over the cells whose whole footprint is in the workspace.
+
+    They are means or medians: slope in degrees, roughness in mm, contrast as the ratio of standard deviation to mean of
+    the image of the ground. Unknown numbers are 0. Numbers are rounded, so that rounding errors make no ground unlike
+    others.
     """
     layers, inside = found.sites.layers, workspace.inside
     image = workspace.prepared.left.astype(np.float64)
@@ -255,15 +263,16 @@ def measure_features(workspace: Workspace, found: DecisionMaps) -> dict[str, flo
     }
 
 
-def state_map_errors(workspace: Workspace, found: DecisionMaps) -> Shape:
-    """The errors of a map up to the scale of its matcher."""
+def state_map_errors(workspace: Workspace, found: DecisionMaps) -> ErrorShape:
+    """Return the errors of a map up to the scale of its matcher."""
     assert found.errors is not None
     return state_shape(found.dem, found.errors, found.sites.layers.slope_deg, workspace.rules.site.disc_m)
 
 
 def count_map_errors(workspace: Workspace, found: DecisionMaps) -> dict[str, dict[str, Any]]:
-    """The errors of heights, slopes and roughnesses in units of their shape, see ``height_errors.count_errors``: of all
-    cells of known true height, and of those whose footprint is in the workspace.
+    """Count the errors of heights, slopes and roughnesses in units of their shape, see ``height_errors.count_errors``.
+
+    Heights are counted in all cells of known true height, the others in those whose footprint is in the workspace.
     """
     shape, truth = state_map_errors(workspace, found), workspace.truth
     known = truth.dem.known
@@ -278,7 +287,7 @@ def count_map_errors(workspace: Workspace, found: DecisionMaps) -> dict[str, dic
 
 
 def _compare_materials(truth: SiteLayers, found: SiteLayers, among: Array) -> dict[str, Any]:
-    """The table ``materials``, if the rules need it: errors of the footprints' albedo and share of salt."""
+    """Return the table ``materials`` if the rules need it: errors of the footprints' albedo and share of salt."""
     if truth.albedo is None or truth.salt_share is None or found.albedo is None or found.salt_share is None:
         return {}
     numbers: dict[str, float | None] = {}
@@ -294,10 +303,10 @@ def _compare_materials(truth: SiteLayers, found: SiteLayers, among: Array) -> di
 def compare_beside_lander(
     workspace: Workspace, found: DecisionMaps, depth_m: Array, pose: Array
 ) -> dict[str, float | None]:
-    """Measure the pixels beside the lander, which the elevation model leaves out, over the seen cells in reach.
+    """Measure the pixels beside the lander, which the elevation model leaves out, over the visible cells in reach.
 
-    ``beside_rmse_m`` and ``beside_bias_m``: errors of the heights from these pixels alone. ``beside_share``: the share
-    of cells that have a height only from them.
+    ``beside_rmse_m`` and ``beside_bias_m`` are errors of the heights from these pixels alone. ``beside_share`` is the
+    share of cells that have a height only from them.
     """
     prepared = workspace.prepared
     beside = find_ground_pixels(prepared) & ~_find_pixels_apart_from_lander(prepared)
@@ -315,8 +324,9 @@ def compare_beside_lander(
 
 
 def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
-    """Add a random error to a pose (4, 4): a shift and a rotation about the eye, normal with these standard deviations
-    in each of three axes.
+    """Add a random error to a pose (4, 4): a shift and a rotation about the eye.
+
+    Each of their three components is normal with these standard deviations.
     """
     turn = np.radians(error_deg) * random.standard_normal(3)
     shift = error_mm / 1000 * random.standard_normal(3)
@@ -330,7 +340,7 @@ def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.rand
 
 
 def _find_joint_margins(pair: Pair, pose: Array, dem: Dem) -> Array:
-    """The margins of the arm's joints, for a lander whose camera has this ``pose``."""
+    """Find the margins, degrees, of the arm's joints, for a lander whose camera has this ``pose``."""
     return find_joint_margins_deg(
         pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(), dem.height_m
     )
@@ -352,26 +362,28 @@ def _judge_pads(dem: Dem, rules: Rules) -> Array:
 
 
 def find_ground_pixels(prepared: PreparedPair) -> Array:
-    """Boolean (H, W): the pixels of the left image without the lander."""
+    """Find the pixels of the left image without the lander, bool (H, W)."""
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER_CLASS)
 
 
 def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
-    """Ground pixels (H, W) whose matching window contains no lander: a lander knows the position of its arm."""
+    """Find the ground pixels (H, W) whose matching window contains no lander. A lander knows where its arm is."""
     lander = (~find_ground_pixels(prepared)).astype(np.uint8)
     side = 2 * _LANDER_MARGIN_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
 
 def measure_levels(prepared: PreparedPair) -> Array:
-    """The light (H, W) in the left image up to a factor: its grey levels, without the encoding of the sensor."""
+    """Return the light (H, W) in the left image up to a factor: its grey levels, without the encoding of the sensor."""
     image = prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
     return np.asarray(grey**2 if prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey)
 
 
 def find_lit_pixels(prepared: PreparedPair, lit_level: float) -> Array:
-    """Boolean (H, W): whether the left image is brighter than the share ``lit_level`` of the median of its ground."""
+    """Find the pixels, bool (H, W), that are brighter than ``lit_level`` times the median of the ground in the left
+    image.
+    """
     level, ground = measure_levels(prepared), prepared.known & find_ground_pixels(prepared)
     return np.asarray(level > lit_level * np.median(level[ground]))
 
@@ -385,8 +397,8 @@ def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
     stated = pair.data.get("workspace") or {}
     if "materials" not in stated:
         raise IcyMoonError(
-            f"{pair.folder} contains no true albedo and salts, and the rules ask for them; render the pair again with "
-            "workspace.materials true and workspace.cell_m above 0, or leave these rules out."
+            f"{pair.folder} contains no true albedo and salts, but the rules need them; render the pair again with "
+            "workspace.materials true and workspace.cell_m above 0, or leave out these rules."
         )
     return make_true_materials(
         read_cells(pair.folder / stated["materials"], (4, *stated["shape"]), "render the pair again")
@@ -394,9 +406,9 @@ def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
 
 
 def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: Array, index: Array) -> Materials:
-    """The materials that the lander measures, see ``materials``, where ``bright`` (H, W) is 1.
+    """Measure the materials as the lander does, see ``materials``, where ``bright`` (H, W) is 1.
 
-    Raises IcyMoonError for light that has no one irradiance.
+    Raises IcyMoonError unless the Sun alone lights the pair, with one irradiance.
     """
     pair, prepared = workspace.pair, workspace.prepared
     settings, sun = prepared.facts["settings"], pair.sun
@@ -405,19 +417,21 @@ def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m
     irradiance = scale_sun_irradiance(sun.irradiance_wm2, settings)
     if sun.distance_m or not irradiance > 0:
         raise IcyMoonError(
-            f"{pair.folder}: an albedo follows from light of one irradiance, and this is a lamp nearby or no light; "
-            "render with the Sun, or leave the rules of albedo and salts out."
+            f"{pair.folder}: an albedo can be measured in sunlight only, but the light is a lamp nearby or is absent; "
+            "render with the Sun, or leave out the rules of albedo and salts."
         )
     refuse_lamps(pair.folder, settings)
     white = compute_white_radiance(prepared.images, settings)
     white = np.where(bright.reshape(bright.shape + (1,) * (white.ndim - 2)) > 0, white, np.nan)
     planes = fit_planes(dem.height_m, dem.grid.cell_m, workspace.rules.site.disc_m)
-    return measure(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
+    return measure_materials(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:
-    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged, or of a
-    different shape."""
+    """Read the true heights, float64 (2, rows, columns).
+
+    Raises IcyMoonError if the file is missing, damaged, or of a different shape.
+    """
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 
@@ -430,14 +444,14 @@ def _find_points_of_right_eye(pair: Pair) -> Array:
 
 
 def _make_grid_ahead(pair: Pair, points: Array, cell_m: float) -> Grid:
-    """Cells around the middle of the ground that the left image shows, as large as the settings' workspace."""
+    """Make cells around the middle of the ground that the left image shows, as large as the settings' workspace."""
     workspace = pair.settings.workspace
     size = workspace.size_m
     count = max(1, math.ceil(size / cell_m - 1e-6))
     if count > 4096:
         raise IcyMoonError(f"Cells of {cell_m:g} m are {count} along a side; give {size / 4096:.2g} m or more.")
     east, north = np.median(points[:, 0]), np.median(points[:, 1])
-    if dug := pair.data.get("excavation"):  # the same cells in all states, also where the camera moves a little
+    if dug := pair.data.get("excavation"):  # the same cells in all states, even if the camera moves a little
         west, south, last_east, last_north = dug["region_m"]
         east, north = (west + last_east) / 2, (south + last_north) / 2
     half = count * cell_m / 2

@@ -1,1 +1,1 @@
-"""Suites of sensors on grounds by rays: their decisions and costs."""
+"""Studies of sensor suites on ray-traced grounds: their decisions and costs."""

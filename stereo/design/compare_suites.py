@@ -1,7 +1,8 @@
 """Compares sensor suites by their rows: risk and cost with intervals, a front, and the stability of the ranking.
 
-Grounds are the scenes: each suite decides on the same ones, so differences are paired. The loss of a ground is 1 for an
-unsafe site, ``abstain_loss`` for no site although a safe one exists, and 0 otherwise; the risk is its mean.
+Grounds are the scenes. All suites decide on the same grounds, so differences are paired. The loss of a ground is 1 for
+an unsafe site, ``abstain_loss`` if no site is chosen although a safe one exists, and 0 otherwise. The risk is the mean
+loss.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from .read_design import Costs, Design, Suite
 
 #: One minus the confidence of all paired differences of one quantity together, and of a single bound of a share.
 DOUBT = 0.05
-#: The quantities of a front, less is better.
+#: The quantities of a front; less is better.
 RISK, ENERGY, TIME = "risk", "energy_j", "cpu_s"
 QUANTITIES = (RISK, ENERGY, TIME)
 #: The parts of the energy, see ``compute_energy``.
 PARTS = ("camera", "processor", "lidar", "lamp")
-#: Places of a suite: no other suite is as good in everything, one is better in everything, or the grounds leave it
-#: open.
+#: Places of a suite: no other suite is as good in everything; another suite has less risk at no more cost; or the
+#: grounds do not decide it.
 FRONT, BEATEN, OPEN = "front", "beaten", "open"
 #: Least Kendall's tau of a stable ranking, and the verdicts on it.
 STABLE_TAU = 0.8
 HOLDS, FAILS = "holds", "does not hold"
-#: Number of resamples of grounds, number of random halvings, and decimals of a mean loss beyond which is rounding.
+#: Number of resamples of grounds, number of random halvings, and decimals to which mean losses are rounded.
 _RESAMPLES, _HALVINGS, _DECIMALS = 2000, 500, 12
 
 _Rows = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -42,7 +43,7 @@ _Rows = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
 @dataclass(frozen=True)
 class Measured:
-    """Numbers (grounds, suites) on the grounds on which no suite failed."""
+    """Numbers (grounds, suites) from the grounds on which no suite failed."""
 
     grounds: tuple[str, ...]
     loss: Array
@@ -51,28 +52,28 @@ class Measured:
     acted: Array
     unsafe: Array
     dangerous: Array
-    lost: Array  # the share of the safe cells that is not taken, NaN without a safe cell
+    lost: Array  # share of the safe cells that is not taken, NaN without a safe cell
     left_out: int  # grounds on which a suite failed
 
     @property
     def energy_j(self) -> Array:
-        """The energy of each decision."""
+        """Energy, J, of each decision."""
         return np.asarray(sum(self.parts_j.values()))
 
     def read(self, quantity: str) -> Array:
-        """The numbers of one of ``QUANTITIES``."""
+        """Return the numbers of one of ``QUANTITIES``."""
         return {RISK: self.loss, ENERGY: self.energy_j, TIME: self.cpu_s}[quantity]
 
 
 def compute_loss(numbers: Mapping[str, Any], abstain_loss: float) -> float:
-    """The loss of a decision on a ground."""
+    """Return the loss of a decision on a ground."""
     if numbers["unsafe_choice"] == 1:
         return 1.0
     return abstain_loss if numbers["no_site"] == 1 else 0.0
 
 
 def compute_energy(numbers: Mapping[str, Any], suite: Suite, costs: Costs) -> dict[str, float]:
-    """Compute the energy of a decision in J, by consumer."""
+    """Compute the energy, J, of a decision by consumer."""
     pixels = numbers["frames"] * suite.settings.rig.width_px * suite.settings.rig.height_px
     points = numbers["points"]
     return {
@@ -83,8 +84,8 @@ def compute_energy(numbers: Mapping[str, Any], suite: Suite, costs: Costs) -> di
     }
 
 
-def collect(design: Design, rows: _Rows) -> Measured:
-    """The numbers of rows by ground and suite."""
+def collect_numbers(design: Design, rows: _Rows) -> Measured:
+    """Collect the numbers of rows by ground and suite."""
     names = [suite.name for suite in design.suites]
     whole = [ground for ground, own in rows.items() if all(own[name]["status"] == "ok" for name in names)]
     numbers = [[rows[ground][name]["numbers"] for name in names] for ground in whole]
@@ -111,7 +112,7 @@ def collect(design: Design, rows: _Rows) -> Measured:
 
 
 def summarise(design: Design, measured: Measured) -> list[dict[str, Any]]:
-    """For each suite its counts, and its means with 95 % intervals over grounds."""
+    """Return for each suite its counts, and its means with 95 % intervals over grounds."""
     grounds = len(measured.grounds)
     tables = {RISK: measured.loss, "lost": measured.lost, ENERGY: measured.energy_j, TIME: measured.cpu_s}
     found = []
@@ -147,12 +148,12 @@ def _none_if_nan(value: float) -> float | None:
 
 
 def compare(measured: Measured) -> dict[str, Array]:
-    """For each of ``QUANTITIES`` the bounds (suites, suites, 2) of the mean of a row's suite minus the mean of a
-    column's.
+    """Return for each of ``QUANTITIES`` the bounds (suites, suites, 2) of the difference of two suites' means.
 
-    All bounds of one quantity hold together with 95 % confidence: of the risk for any distribution, see
-    ``bounded_means``, with the doubt shared by all bounds (Bonferroni); of the others approximately, and NaN below the
-    grounds that ``find_simultaneous_intervals`` takes.
+    The difference is a row's suite minus a column's suite. All bounds of one quantity hold together with 95 %
+    confidence. The bounds of the risk hold for any distribution, see ``bounded_means``; they share the doubt
+    (Bonferroni). The bounds of the other quantities are approximate, and NaN with fewer grounds than
+    ``find_simultaneous_intervals`` needs.
     """
     suites = measured.loss.shape[1]
     pairs = list(combinations(range(suites), 2))
@@ -173,12 +174,12 @@ def compare(measured: Measured) -> dict[str, Array]:
 
 
 def find_front(bounds: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """For each suite its ``place``, and the suites by number that beat it (``by``) or may be as good in everything
-    (``against``).
+    """Return for each suite its ``place`` and the indices of two groups of other suites.
 
-    A suite is beaten if another has less risk and no more energy and time. It is on the front if it has less of
-    something than each other suite. Both must hold by the ``bounds`` of ``compare``. The bounds of each quantity hold
-    together with 95 % confidence, so all places are right with about 85 % or more.
+    ``by`` are the suites that beat it, ``against`` the suites that may be as good in everything. A suite is beaten if
+    another has less risk and no more energy and time. It is on the front if it has less of something than each other
+    suite. Both must hold by the ``bounds`` of ``compare``. The bounds of each quantity hold together with 95 %
+    confidence, so all places are right with about 85 % or more.
     """
     with np.errstate(invalid="ignore"):
         less = {quantity: bounds[quantity][..., 1] < 0 for quantity in QUANTITIES}
@@ -200,13 +201,13 @@ def find_front(bounds: Mapping[str, Array]) -> list[dict[str, Any]]:
 
 
 def compare_rankings(own: Array, other: Array, seed: int) -> dict[str, Any]:
-    """Kendall's tau-b of the rankings by mean loss on two sets of grounds, losses (grounds, suites) each; ``tau`` is
-    None where all suites of a set have one risk.
+    """Compare the rankings by mean loss on two sets of grounds, losses (grounds, suites) each.
 
-    ``interval`` has 95 % of 2000 resamples of the grounds of both sets. ``halves`` is the median tau of random halves
-    of the ``own`` grounds, which noise alone keeps below 1. ``verdict`` states whether tau is at least ``STABLE_TAU``:
-    it holds if the whole interval is, and does not hold if the whole interval is below while ``halves`` is not. A
-    resample has more noise than the grounds, so the interval tends to be too low.
+    ``tau`` is Kendall's tau-b of the rankings, None if all suites of a set have one risk. ``interval`` contains 95 % of
+    2000 resamples of the grounds of both sets. ``halves`` is the median tau of random halves of the ``own`` grounds,
+    which noise alone keeps below 1. ``verdict`` states whether tau is at least ``STABLE_TAU``. It holds if the whole
+    interval is, and does not hold if the whole interval is below while ``halves`` is not. A resample has more noise
+    than the grounds, so the interval tends to be too low.
     """
     random = make_generator(seed, "statistics", 3)
     taus = np.array(
@@ -224,7 +225,7 @@ def compare_rankings(own: Array, other: Array, seed: int) -> dict[str, Any]:
 
 
 def _rank_halves(own: Array, random: np.random.Generator) -> float:
-    """The median tau of random halves of losses (grounds, suites); NaN if no halves have a tau."""
+    """Return the median tau of random halves of losses (grounds, suites); NaN if no halves have a tau."""
     if len(own) < 2:
         return float("nan")
     orders = [random.permutation(len(own)) for _ in range(_HALVINGS)]

@@ -1,6 +1,6 @@
 """The lamp of a sensor suite: its entries in a design, and its light at night.
 
-It shines alike in all directions from a point fixed to the left camera, as a ``POINT`` of ``light.lamps``.
+The lamp shines equally in all directions from a point fixed to the left camera, as a ``POINT`` of ``light.lamps``.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ _MAX_W, _FARTHEST_M = 1e5, 10.0
 
 @dataclass(frozen=True)
 class LampPlace:
-    """The lamp's facts that all suites share: the share of its electric power that becomes light from 400 to 700 nm,
-    and its place right of the left camera and above it in the camera's own axes, m."""
+    """Facts about the lamp that all suites share.
+
+    ``efficiency`` is the share of its electric power that becomes light from 400 to 700 nm. ``right_m`` and ``up_m``
+    are its place right of and above the left camera, in the camera's axes.
+    """
 
     efficiency: float
     right_m: float
@@ -39,14 +42,16 @@ class LampPlace:
 
 @dataclass(frozen=True)
 class SuiteLamp:
-    """A lamp of an electric power in W at its place."""
+    """A lamp at its place, with its electric power in W."""
 
     power_w: float
     place: LampPlace
 
 
 def read_place(table: Mapping[str, float], path: Path) -> LampPlace:
-    """The table ``[lamp]`` of the design ``path``, of ``LAMP_SHAPE``. Raises IcyMoonError for a number out of range."""
+    """Read the table ``[lamp]`` of the design ``path``, of ``LAMP_SHAPE``. Raises IcyMoonError if a number is out of
+    range.
+    """
     place = LampPlace(**{key: float(value) for key, value in table.items()})
     if not 0 < place.efficiency <= 1:
         raise IcyMoonError(
@@ -63,8 +68,11 @@ def read_place(table: Mapping[str, float], path: Path) -> LampPlace:
 
 
 def read_lamp(power_w: float | None, place: LampPlace | None, settings: Settings, where: str) -> SuiteLamp | None:
-    """The lamp of a suite, None without a power. Raises IcyMoonError for a wrong power, no table ``[lamp]``, and a lamp
-    under level ground."""
+    """Return the lamp of a suite; None without a power.
+
+    Raises IcyMoonError if the power is out of range, the table ``[lamp]`` is missing, or the lamp is under level
+    ground.
+    """
     if power_w is None:
         return None
     if not 0 < power_w <= _MAX_W:
@@ -88,14 +96,16 @@ def read_lamp(power_w: float | None, place: LampPlace | None, settings: Settings
 
 
 def _find_offset(lamp: SuiteLamp, settings: Settings) -> Array:
-    """Find the lamp's position (3,) east, north and above the left camera, m."""
+    """Find the lamp's position (3,) east of, north of and above the left camera, m."""
     axes = camera_axes(settings.rig.heading_deg, settings.rig.pitch_deg)
     return np.asarray(lamp.place.right_m * axes[:, 0] - lamp.place.up_m * axes[:, 1])
 
 
 def light_night(lamp: SuiteLamp, ground: Ground, day: Lighting, settings: Settings) -> Lighting:
-    """The light of a ground at night, by the lamp of a lander with these settings alone. Raises IcyMoonError for a lamp
-    in the ground or in a rock."""
+    """Return the light of a ground at night, by the lamp alone of a lander with these settings.
+
+    Raises IcyMoonError if the lamp is in the ground or in a rock.
+    """
     position = place_camera(ground, settings) + _find_offset(lamp, settings)
     under_m = float(look_down(ground, position[:1], position[1:2])[0] - position[2])
     if under_m >= 0:

@@ -1,4 +1,5 @@
-"""Workspaces of a lander on grounds by rays: its images, its truth, and the decisions of the functions of ``decide``.
+"""Workspaces of a lander on ray-traced grounds: its images, its truth, and the decisions by the functions of
+``decide``.
 
 The complete settings of a lander give its camera, its sensor and its workspace. It stands at a ground's standing place.
 There is no arm, so every cell is in reach.
@@ -49,7 +50,7 @@ from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 from ..measure.self_check import SelfCheck
 
-#: Height from which true heights are looked up, m.
+#: Height from which rays measure true heights, m.
 _ABOVE_M = 30.0
 _NO_FAULTS = Faults(np.zeros(3), 0.0, 1.0)
 _NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
@@ -58,7 +59,7 @@ _LEFT_OUT = ("roc",)
 
 
 def draw_recipes(seed: int, split: str, count: int, variety: Variety = FULL) -> list[Recipe]:
-    """The recipes of the first grounds of a split that have no hanging shapes."""
+    """Draw the recipes of the first grounds of a split that have no hanging shapes."""
     found: list[Recipe] = []
     number = 0
     while len(found) < count:
@@ -69,17 +70,17 @@ def draw_recipes(seed: int, split: str, count: int, variety: Variety = FULL) -> 
 
 
 def name_pair(recipe: Recipe) -> str:
-    """The name of the pair of a ground."""
+    """Name the pair of a ground."""
     return f"{recipe.split}-{recipe.seed}-{recipe.number}"
 
 
 def place_camera(ground: Ground, lander: Settings) -> Array:
-    """The position (3,), m, of the left camera of a lander that stands on the ground."""
+    """Return the position (3,), m, of the left camera of a lander that stands on the ground."""
     return np.array([*ground.recipe.place_m, ground.height_m + lander.rig.height_m])
 
 
-def look(ground: Ground, lander: Settings, light: Lighting) -> View:
-    """The view of a lander that stands on the ground."""
+def make_view(ground: Ground, lander: Settings, light: Lighting) -> View:
+    """Make the view of a lander that stands on the ground."""
     rig, camera = lander.rig, StereoCamera.from_settings(lander.rig)
     axes, position = camera_axes(rig.heading_deg, rig.pitch_deg), place_camera(ground, lander)
     left, right = (
@@ -114,10 +115,11 @@ def state_pair(recipe: Recipe, lander: Settings, view: View) -> Pair:
 def prepare_made_pair(
     ground: Ground, lander: Settings, light: Lighting, rays_per_pixel: int, random: np.random.Generator
 ) -> PreparedPair:
-    """The pair of a ground: its images by the sensor of the settings, and its truth. ``random`` draws the noise of the
-    rays; the sensor's follows from the settings.
+    """Prepare the pair of a ground: its images by the sensor of the settings, and its truth.
+
+    ``random`` draws the noise of the rays; the noise of the sensor follows from the settings.
     """
-    view = look(ground, lander, light)
+    view = make_view(ground, lander, light)
     depth, hidden = trace_truth(ground, view)
     pair = state_pair(ground.recipe, lander, view)
     images = _render_images(ground, pair, view, rays_per_pixel, random)
@@ -147,10 +149,12 @@ def prepare_pair_again(
     random: np.random.Generator,
     noise_seed: int,
 ) -> PreparedPair:
-    """The pair under another light, or with other noise, by the same camera in the same pose. The fixed pattern of the
-    sensor stays."""
+    """Prepare the pair under another light, or with other noise, by the same camera in the same pose.
+
+    The fixed pattern of the sensor stays.
+    """
     lander = merged(prepared.facts["settings"], {"sensor": {"noise_seed": noise_seed}})
-    view = look(ground, lander, light)
+    view = make_view(ground, lander, light)
     pair = state_pair(ground.recipe, lander, view)
     images = _render_images(ground, pair, view, rays_per_pixel, random)
     left, right = images.for_matchers()
@@ -161,7 +165,7 @@ def prepare_pair_again(
 def _render_images(
     ground: Ground, pair: Pair, view: View, rays_per_pixel: int, random: np.random.Generator
 ) -> DevelopedImages:
-    """The images of a view by the sensor of the pair's settings."""
+    """Render the images of a view by the sensor of the pair's settings."""
     radiance = [render_eye(ground, view.light, eye, rays_per_pixel, random) for eye in (view.left, view.right)]
     left, right = (Light(np.repeat(each[..., None], 3, axis=2).astype(np.float32), {}) for each in radiance)
     return develop(pair, left, right, pair.settings)
@@ -186,7 +190,7 @@ def find_top_heights(ground: Ground, grid: Grid) -> Array:
 
 @contextmanager
 def open_bare_ground(ground: Ground) -> Iterator[Ground]:
-    """The ground without its rocks."""
+    """Yield the ground without its rocks."""
     bare = open_tracer(World(ground.world.placed[:1]))
     try:
         yield replace(ground, tracer=bare)
@@ -195,8 +199,9 @@ def open_bare_ground(ground: Ground) -> Iterator[Ground]:
 
 
 def measure_true_heights(ground: Ground, lander: Settings) -> tuple[Grid, Array]:
-    """The cells of a lander's workspace, and their exact heights (2, rows, columns), m, with rocks and without, by rays
-    from above.
+    """Return the cells of a lander's workspace, and their exact heights (2, rows, columns), m, with rocks and without.
+
+    Heights are measured by rays from above.
     """
     asked, (east, north) = lander.workspace, ground.recipe.place_m
     side = round(asked.size_m / asked.cell_m)
@@ -207,25 +212,26 @@ def measure_true_heights(ground: Ground, lander: Settings) -> tuple[Grid, Array]
 
 
 def open_made_workspace(ground: Ground, prepared: PreparedPair, rules: Rules) -> Workspace:
-    """The workspace of a pair, with the true heights of its ground."""
+    """Return the workspace of a pair with the true heights of its ground."""
     return make_workspace(prepared, rules, *measure_true_heights(ground, prepared.facts["settings"]))
 
 
 def match_disparity(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
-    """The disparity (H, W) by a method, px, NaN where unknown, and the processor seconds that it took."""
+    """Match a pair. Return the disparity (H, W), px, NaN where unknown, and the processor seconds that it took."""
     disparity, info = match_prepared(method, prepared)
     return disparity, float(info["seconds"])
 
 
 def match_depth(prepared: PreparedPair, method: Method) -> tuple[Array, float]:
-    """The planar depth (H, W) by a method, m, NaN where unknown, and the processor seconds that it took."""
+    """Match a pair. Return the planar depth (H, W), m, NaN where unknown, and the processor seconds that it took."""
     disparity, seconds = match_disparity(prepared, method)
     return disparity_to_depth(prepared, disparity), seconds
 
 
 def summarise_decisions(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:
-    """The numbers of decisions, as in a row of ``icymoon decide``; ``fails`` is the rule that the chosen site fails
-    first in truth.
+    """Return the numbers of decisions as in a row of ``icymoon decide``.
+
+    ``fails`` is the first rule that the chosen site fails in truth, or None.
     """
     compared = compare_with_truth(workspace, found)
     sites = compared["sites"]
@@ -240,7 +246,7 @@ def summarise_decisions(workspace: Workspace, found: DecisionMaps) -> dict[str, 
 
 
 def decide(workspace: Workspace, method: Method | None) -> dict[str, Any]:
-    """The numbers of a method, or of the true depth without one, see ``summarise_decisions``."""
+    """Return the numbers of decisions by a method, or by the true depth without one, see ``summarise_decisions``."""
     prepared = workspace.prepared
     depth = prepared.truth if method is None else match_depth(prepared, method)[0]
     return summarise_decisions(workspace, decide_from_depth(workspace, depth))

@@ -1,4 +1,4 @@
-"""The choices of sensor suites on the same grounds, a row for each suite and ground."""
+"""Measures the choices of sensor suites on the same grounds, one row for each suite and ground."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..decisions.rules import Rules
 from ..decisions.workspace import Workspace, decide_from_depth, make_workspace
 from ..fusion.match_prepared import list_method_inputs
 from ..fusion.suns import join_disparities
-from ..learning.grounds import Ground, Recipe, Variety, build_ground, close_ground, make_split_generator
+from ..learning.grounds import Ground, Recipe, Variety, build_ground, make_split_generator, release_ground
 from ..learning.made_pairs import draw_light
 from ..learning.radiance import Lighting
 from ..matchers.resident_process import stop_residents
@@ -43,10 +43,10 @@ Event = Callable[[dict[str, Any]], None]
 OWN, LANDFORM = "ground", "landform"
 #: Increased when the same input gives other numbers.
 DESIGN_VERSION = 1
-#: The place of the light among the random streams of a ground, and the lamp's place among its lights, after all Suns.
+#: The index of the light among a ground's random streams, and the lamp's index among the lights, after all Suns.
 _LIGHT, _NIGHT = 5, MAX_SUNS
-#: The numbers of a row: of the choice 0 or 1 each, or null where there is none; the numbers of all cells, of the safe,
-#: the taken, and the safe and taken ones; and what cost depends on. ``lamp_s`` is of suites with a lamp alone.
+#: The numbers of a row. Each number of the choice is 0 or 1, or null if undefined. ``cells`` counts all cells, the
+#: safe, the taken, and the safe and taken ones. The others determine the cost; only suites with a lamp have ``lamp_s``.
 _NUMBERS_SHAPE: dict[str, Shape] = {
     "unsafe_choice": Maybe(NUMBER, null=True),
     "dangerous_choice": Maybe(NUMBER, null=True),
@@ -64,14 +64,16 @@ ROW_SHAPE: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(_
 
 @dataclass(frozen=True)
 class Study:
-    """A design with the rules of its decisions; ``basis`` is what its rows depend on besides, such as versions."""
+    """A design with the rules of its decisions. ``basis`` lists everything else that determines its rows, such as
+    versions.
+    """
 
     design: Design
     rules: Rules
     basis: Sequence[Any]
 
     def make_key(self, suite: Suite) -> str:
-        """Hash everything but the ground that determines the rows of a suite; the suite's name is left out."""
+        """Hash everything except the ground that determines the rows of a suite. The suite's name is left out."""
         design = self.design
         lamp = [asdict(suite.lamp)] if suite.lamp else []  # so that rows of suites without a lamp keep their keys
         return make_json_digest(
@@ -92,7 +94,7 @@ class Study:
 
 
 def draw_grounds(design: Design, seed: int, grounds: int, landforms: int) -> list[Recipe]:
-    """The recipes of the grounds of the design's terrains, then of the held-out landforms."""
+    """Draw the recipes of the grounds of the design's terrains, then of the held-out landforms."""
     return [
         recipe
         for split, count in ((OWN, grounds), (LANDFORM, landforms))
@@ -101,7 +103,7 @@ def draw_grounds(design: Design, seed: int, grounds: int, landforms: int) -> lis
 
 
 def measure_suites(study: Study, recipes: Sequence[Recipe], log: RowLog, on_event: Event) -> list[Row]:
-    """Return the rows of all suites on all grounds, ground by ground; missing rows are measured and logged at once."""
+    """Return the rows of all suites on all grounds, ground by ground. Missing rows are measured and logged at once."""
     rows: list[Row] = []
     warm: set[str] = set()
     total = len(recipes) * len(study.design.suites)
@@ -126,8 +128,9 @@ def measure_suites(study: Study, recipes: Sequence[Recipe], log: RowLog, on_even
 
 
 def _measure_ground(study: Study, recipe: Recipe, log: RowLog, warm: set[str]) -> Iterator[Row]:
-    """The rows of a ground, suite by suite; suites that are alike but for their names share their numbers. ``warm`` are
-    the methods that have run in this process.
+    """Yield the rows of a ground, suite by suite. Suites that differ only in their names share their numbers.
+
+    ``warm`` has the labels of the methods that have run in this process.
     """
     name = name_pair(recipe)
     keys = {suite: study.make_key(suite) for suite in study.design.suites}
@@ -169,12 +172,13 @@ class _OpenGround:
         self._true_heights: tuple[Grid, Array] | None = None
 
     def close(self) -> None:
-        """Free the triangles."""
-        close_ground(self._ground)
+        """Free the memory of the triangles."""
+        release_ground(self._ground)
 
     def measure(self, suite: Suite) -> dict[str, Any]:
-        """The numbers of a suite, see ``_NUMBERS_SHAPE``. The lander chooses under the first Sun: its image tells where
-        light is.
+        """Measure the numbers of a suite, see ``_NUMBERS_SHAPE``.
+
+        The lander chooses under the first Sun, whose image tells where light is.
         """
         workspace = self._open_workspace(suite.settings)
         disparities, seconds = [], 0.0
@@ -226,7 +230,7 @@ class _OpenGround:
         return self._pairs[where]
 
     def _prepare_night(self, settings: Settings, lamp: SuiteLamp) -> PreparedPair:
-        """The pair of a camera in the light of a lamp alone."""
+        """Make a camera's pair in the light of a lamp alone."""
         where = make_json_digest(settings), lamp
         if where not in self._pairs:
             day = draw_sun(self._recipe, 0, self._study.design.variety)
@@ -235,24 +239,24 @@ class _OpenGround:
         return self._pairs[where]
 
     def _prepare_again(self, settings: Settings, light: Lighting, number: int) -> PreparedPair:
-        """The pair of the first Sun in another light, with the noise of the light's number."""
+        """Make the pair of the first Sun again in another light, with the noise of the light's number."""
         first, seed = self._prepare(settings, 0), int(settings.sensor.noise_seed) + number
         return prepare_pair_again(first, self._ground, light, *self._start_noise(number), seed)
 
     def _start_noise(self, number: int) -> tuple[int, np.random.Generator]:
-        """Rays of a pixel, and their random stream for the light of this number."""
+        """Return the rays per pixel, and their random stream for the light of this number."""
         recipe = self._recipe
         stream = make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, number, 1)
         return self._study.design.rays_per_pixel, stream
 
 
 def list_exposures(pairs: Sequence[PreparedPair]) -> list[float]:
-    """The seconds of all exposures of pairs."""
+    """List the seconds of all exposures of pairs."""
     return [frame.seconds for each in pairs if each.images is not None for frame in each.images.frames]
 
 
 def draw_sun(recipe: Recipe, sun: int, variety: Variety) -> Lighting:
-    """The light of a ground under one of its Suns: only the direction of the Sun differs from the first."""
+    """Draw the light of a ground under one of its Suns. It differs from the first only in the direction of the Sun."""
     first, own = (
         draw_light(recipe.split, make_split_generator(recipe.seed, recipe.split, recipe.number, _LIGHT, k, 0), variety)
         for k in (0, sun)
@@ -261,7 +265,7 @@ def draw_sun(recipe: Recipe, sun: int, variety: Variety) -> Lighting:
 
 
 def group_split_rows(rows: Sequence[Mapping[str, Any]], split: str) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """The rows of the grounds of a split, by ground and suite."""
+    """Group the rows of the grounds of a split by ground and suite."""
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
         if row["pair"].startswith(f"{split}-"):

@@ -1,8 +1,8 @@
-"""The design of a study of sensor suites: a TOML file, checked and read once.
+"""Reads the design of a study of sensor suites from a TOML file, and checks it.
 
-``[design]`` states facts that all suites share, ``[costs]`` the powers and paces behind energy and time, ``[settings]``
-the camera, its sensor and the workspace. Each ``[[suite]]`` has a name, a method, perhaps several Suns, and the
-settings that it changes; with a lamp, ``[lamp]`` states its place. The shipped file is ``suites.toml``.
+``[design]`` states facts that all suites share, ``[costs]`` the powers and rates from which energy and time follow,
+``[settings]`` the camera, its sensor and the workspace. Each ``[[suite]]`` has a name, a method, perhaps several Suns,
+and the settings that it changes. ``[lamp]`` states the place of a lamp. The shipped file is ``suites.toml``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ..matchers.search_range import refuse_true_range
 from .lamps import LAMP_SHAPE, LampPlace, SuiteLamp, read_lamp, read_place
 
 _FIX = "compare it with the shipped design, stereo/design/suites.toml"
-#: Settings that act on pairs by rays; others would be ignored.
+#: Settings that act on ray-traced pairs; others would be ignored. None stands for all settings of a topic.
 _ACTING: Mapping[str, tuple[str, ...] | None] = {
     "rig": (
         "baseline_m",
@@ -45,12 +45,12 @@ _ACTING: Mapping[str, tuple[str, ...] | None] = {
     "sensor": None,
     "workspace": ("cell_m", "size_m", "east_m", "north_m"),
 }
-#: Topics of settings that a suite may change: all decide on one workspace.
+#: Topics of settings that a suite may change. All suites decide on one workspace.
 _CHANGED = ("rig", "sensor")
 _OWN_KEYS = ("name", "method", "suns", "lamp_w")
 #: Images are rendered in squares of this side, px.
 _SQUARE_PX = 8
-#: Least share of the workspace that both cameras must see on level ground, and the cells of a side that are looked up.
+#: Least share of the workspace that both cameras must see on level ground, and the tested points along its side.
 _MIN_SEEN, _LOOKED_UP = 0.5, 24
 #: Most images of a decision.
 MAX_SUNS = 100
@@ -58,7 +58,7 @@ MAX_SUNS = 100
 
 @dataclass(frozen=True)
 class Costs:
-    """The basis of energy and processor time: powers in W, paces in 1/s, times in s, see ``suites.toml``."""
+    """The basis of energy and processor time: powers in W, rates in 1/s, times in s, see ``suites.toml``."""
 
     camera_w: float
     readout_px_s: float
@@ -71,8 +71,11 @@ class Costs:
 
 @dataclass(frozen=True, eq=False)
 class Suite:
-    """A suite of sensors: complete ``settings``, a method, the number of images under different Suns, and perhaps a
-    lamp that lights one more at night."""
+    """A suite of sensors.
+
+    It has complete ``settings``, a method, the number of images under different Suns, and perhaps a lamp that lights
+    one more image at night.
+    """
 
     name: str
     method: Method
@@ -83,7 +86,7 @@ class Suite:
 
 @dataclass(frozen=True)
 class Design:
-    """The content of a design's file. ``sources`` are by the names of its numbers."""
+    """The content of a design's file. ``sources`` are the sources of its numbers by name."""
 
     path: Path
     text: str
@@ -115,12 +118,15 @@ _SHAPE = {
 
 
 def list_design_names() -> list[str]:
-    """The names of the shipped designs."""
+    """List the names of the shipped designs."""
     return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
 
 def find_design(name: str) -> Path:
-    """The file of a shipped design by its name, or a file of the user's whose name ends in .toml."""
+    """Return the file of a shipped design by its name, or a user's file if the name ends in .toml.
+
+    Raises IcyMoonError if there is no design of this name.
+    """
     if name.endswith(".toml"):
         return Path(name)
     if name not in list_design_names():
@@ -132,7 +138,7 @@ def find_design(name: str) -> Path:
 
 
 def read_design(path: Path) -> Design:
-    """Read and check a design. Raises IcyMoonError that names the file, the fault and a fix."""
+    """Read and check a design. Raises IcyMoonError with the file, the fault and the remedy."""
     data, text = read_toml_and_text(path)
     _refuse_unknown_keys(data, _SHAPE, "", path)  # before missing keys, one of which may be misspelt
     for table, shape in (("design", _SHAPE["design"]), ("costs", _SHAPE["costs"]), ("lamp", LAMP_SHAPE)):
@@ -171,7 +177,7 @@ def _refuse_unknown_keys(table: object, shape: Any, name: str, path: Path) -> No
 
 
 def _check_head(head: Mapping[str, Any], costs: Mapping[str, float], path: Path) -> None:
-    """Raise IcyMoonError for terrains, Suns, rays, a loss or a cost that no study can have."""
+    """Raise IcyMoonError if the terrains, Suns, rays, loss or costs are impossible in a study."""
     for name in head["terrains"]:
         if name not in TERRAINS:
             raise IcyMoonError(f"{path}: design.terrains: there is no {name!r}, {suggest_nearest(name, TERRAINS)}")
@@ -193,14 +199,14 @@ def _check_head(head: Mapping[str, Any], costs: Mapping[str, float], path: Path)
 
 
 def _refuse_idle_settings(settings: Settings, whose: str, path: Path) -> None:
-    """Raise IcyMoonError for a setting that does not act on pairs by rays."""
+    """Raise IcyMoonError if a setting does not act on ray-traced pairs."""
     for topic, values in settings.items():
         for key in values:
             acting = _ACTING.get(topic, ())
             if acting is not None and key not in acting:
                 raise IcyMoonError(
-                    f"{path}: {topic}.{key} of {whose} does not act on grounds by rays; leave it out, as only rig, "
-                    "sensor and workspace do, and of the rig what parallel cameras without margins have."
+                    f"{path}: {topic}.{key} of {whose} does not act on ray-traced grounds, where only sensor, "
+                    "workspace and a rig of parallel cameras without margins act; leave it out."
                 )
 
 
@@ -218,7 +224,10 @@ def _read_suites(
 
 
 def _read_suite(table: Mapping[str, Any], base: Settings, lamp: LampPlace | None, path: Path) -> Suite:
-    """A suite. Raises IcyMoonError for its settings, method, Suns or lamp, or a camera that sees too little."""
+    """Read a suite.
+
+    Raises IcyMoonError if its settings, method, Suns or lamp are wrong, or if its cameras see too little.
+    """
     name, where = table["name"], f"{path}: suite {table['name']}"
     changes = {key: value for key, value in table.items() if key not in _OWN_KEYS}
     for key in changes:
@@ -247,14 +256,16 @@ def _read_method(text: str, where: str) -> Method:
         raise IcyMoonError(f"{where} has {len(methods)} methods, {text}; give one, and each other a suite of its own.")
     if methods[0].lidar is not None and methods[0].lidar[RETURNS]:
         raise IcyMoonError(
-            f"{where}: {RETURNS} is a scan of a rendered pair, and grounds by rays have none; leave it out."
+            f"{where}: {RETURNS} is a scan of a rendered pair, but grounds by rays have none; leave it out."
         )
     refuse_true_range(methods[0].options, f"{where}: method {text}")
     return methods[0]
 
 
 def _check_camera(settings: Settings, where: str) -> None:
-    """Raise IcyMoonError for images of a size that rays do not render, no workspace, and cameras beside it."""
+    """Raise IcyMoonError if rays cannot render images of this size, or the cameras see no workspace or too little of
+    it.
+    """
     rig = settings.rig
     if not settings.workspace.cell_m > 0:
         raise IcyMoonError(f"{where} has no workspace; state workspace.cell_m in [settings], as in 0.02.")
@@ -273,7 +284,7 @@ def _check_camera(settings: Settings, where: str) -> None:
 
 
 def measure_seen_share(settings: Settings) -> float:
-    """The share of the workspace, on level ground under a lander, that lies in both images."""
+    """Measure the share of the workspace, on level ground under a lander, that lies in both images."""
     asked, rig, camera = settings.workspace, settings.rig, StereoCamera.from_settings(settings.rig)
     across = ((np.arange(_LOOKED_UP) + 0.5) / _LOOKED_UP - 0.5) * asked.size_m
     east, north = (each.ravel() for each in np.meshgrid(asked.east_m + across, asked.north_m + across))

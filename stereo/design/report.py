@@ -34,7 +34,7 @@ from .compare_suites import (
     STABLE_TAU,
     TIME,
     Measured,
-    collect,
+    collect_numbers,
     compare,
     compare_rankings,
     compute_energy,
@@ -54,7 +54,7 @@ FIRST_BYTES = {
     "design.json": b'{\n "format": "icymoon-design',
     "design.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n',
 }
-#: The heads of the table, in a terminal and on the page.
+#: The column headings of the table, in a terminal and on the page.
 COLUMNS = (
     "Suite",
     "Place",
@@ -83,7 +83,7 @@ _CSV_COLUMNS = (
     "cpu_s",
     *(f"{part}_j" for part in PARTS),
 )
-#: Difference of two means that is rounding.
+#: Largest difference of two means that counts as rounding.
 _ROUNDING = 1e-12
 _Row = Mapping[str, Any]
 
@@ -98,9 +98,9 @@ def write_design(out: Path, study: Study, rows: Sequence[_Row], seed: int) -> di
 
 
 def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]:
-    """The content of ``design.json``."""
+    """Make the content of ``design.json``."""
     design = study.design
-    own, landforms = (collect(design, group_split_rows(rows, split)) for split in (OWN, LANDFORM))
+    own, landforms = (collect_numbers(design, group_split_rows(rows, split)) for split in (OWN, LANDFORM))
     bounds = compare(own)
     ranked = len(design.suites) > 2 and landforms.grounds and own.grounds
     ranking = compare_rankings(own.loss, landforms.loss, seed) if ranked else None
@@ -138,7 +138,7 @@ def make_report(study: Study, rows: Sequence[_Row], seed: int) -> dict[str, Any]
 
 
 def _list_suites(design: Design, own: Measured, landforms: Measured, bounds: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The entry ``suites`` of the report."""
+    """Make the entry ``suites`` of the report."""
     names = [suite.name for suite in design.suites]
     here = summarise(design, own)
     elsewhere: list[_Row | None] = [None] * len(here)
@@ -166,7 +166,7 @@ def _describe_camera(suite: Suite) -> dict[str, float]:
 
 
 def _list_differences(design: Design, bounds: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The bounds of each paired difference, a suite minus another; None without enough grounds."""
+    """List the bounds of each paired difference, a suite minus another; None without enough grounds."""
     return [
         {
             "suite": design.suites[i].name,
@@ -181,7 +181,7 @@ def _list_differences(design: Design, bounds: Mapping[str, Any]) -> list[dict[st
 
 
 def _make_front_sentences(suites: Sequence[_Row]) -> Iterable[str]:
-    """Make sentences on the least risk and on the rank of each suite."""
+    """Yield sentences on the least risk and on the place of each suite."""
     if not suites:
         return
     best = min(suites, key=lambda entry: entry[RISK]["mean"])
@@ -214,7 +214,7 @@ def _show(value: float | None) -> str:
 
 
 def _make_ranking_sentences(ranking: _Row | None, landforms: Measured) -> Iterable[str]:
-    """Make sentences on whether the ranking by risk is the same on held-out landforms."""
+    """Yield sentences on whether the ranking by risk is the same on held-out landforms."""
     if ranking is None:
         return
     low, high = ranking["interval"]
@@ -241,7 +241,7 @@ def _show_tau(tau: float | None) -> str:
 
 
 def _make_notes(own: Measured, landforms: Measured) -> list[str]:
-    """The limits of the numbers."""
+    """Describe the limits of the numbers."""
     left_out = own.left_out + landforms.left_out
     grounds, fewest = len(own.grounds), count_fewest_grounds(DOUBT, DOUBT)
     return [
@@ -261,7 +261,7 @@ def _make_notes(own: Measured, landforms: Measured) -> list[str]:
 
 
 def list_cells(entry: _Row) -> tuple[str, ...]:
-    """The cells of a suite under ``COLUMNS``."""
+    """List the cells of a suite under ``COLUMNS``."""
     grounds, other = entry["grounds"], entry["landforms"]
     return (
         entry["suite"],
@@ -278,7 +278,7 @@ def list_cells(entry: _Row) -> tuple[str, ...]:
 
 
 def _show_interval(found: _Row, factor: float, decimals: int) -> str:
-    """A mean with its interval in brackets, if it has one. The page breaks the line before the bracket."""
+    """Format a mean with its interval in brackets, if it has one. The page breaks the line before the bracket."""
     if found["mean"] is None:
         return "–"
     low, high = found["interval"]
@@ -293,7 +293,7 @@ def _show_rounded_interval(found: _Row) -> str:
 
 
 def _describe_place(entry: _Row) -> str:
-    """Describe the rank of a suite, with the suites that beat it."""
+    """Describe the place of a suite, with the suites that beat it."""
     return f"beaten by {', '.join(entry['beaten_by'])}" if entry["place"] == BEATEN else str(entry["place"])
 
 
@@ -350,17 +350,17 @@ def _list_sourced_numbers(report: _Row) -> list[tuple[str, str, str]]:
 
 
 def _find_bars(found: _Row) -> list[list[float]]:
-    """The lengths of the bars of a mean to its bounds; 0 with too few grounds for an interval."""
+    """Return the lengths of the error bars from a mean to its bounds; 0 with too few grounds for an interval."""
     low, high = found["interval"]
     return [[0.0], [0.0]] if low is None else [[max(found["mean"] - low, 0)], [max(high - found["mean"], 0)]]
 
 
-#: The charts: quantity along the bottom, its name, and the name of the chart.
+#: The charts: quantity of the horizontal axis, its label, and the name of the chart.
 _CHARTS = ((ENERGY, "Energy of a decision (J)", "energy"), (TIME, "Processor seconds of a decision", "time"))
 
 
 def _draw_front(suites: Sequence[_Row], quantity: str, label: str, name: str) -> str:
-    """The risk of the suites against a cost, with their intervals, as SVG."""
+    """Draw the risk of the suites against a cost, with their intervals, as SVG."""
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(1, width=5.6, height=4.2)
         axis = axes[0, 0]

@@ -1,1 +1,1 @@
-"""The Python of the evaluator: the packages that it needs, and their installation."""
+"""The evaluator's Python: the packages that it needs, and their installation."""

@@ -17,7 +17,7 @@ DISK_MB = 450
 
 #: The command that checks whether a Python has the packages of the evaluator.
 _CHECK_COMMAND = (str(ROOT / "__main__.py"), "stereo", "check")
-#: A file of this name is in an environment until it is complete.
+#: An environment contains a file of this name until it is complete.
 _UNFINISHED_MARK = "unfinished"
 #: Words in the output of pip, and the message for the user. Without a match, the last line of the output is reported.
 _REASON_BY_OUTPUT = (
@@ -53,8 +53,8 @@ _REASON_BY_OUTPUT = (
 def main(arguments: list[str]) -> int:
     """Make a virtual environment with the packages of the evaluator, in the folder that is the only argument.
 
-    Prints its progress as JSON messages. After a failure or a stop, a folder that was made here is removed. A killed
-    process leaves an unfinished folder, see ``is_unfinished``.
+    Prints its progress as JSON messages, and returns the exit status. After a failure or a stop, a folder that was made
+    here is removed. A killed process leaves an unfinished folder, see ``is_unfinished``.
     """
     (folder,) = arguments
     new, made = not Path(folder).exists() or is_unfinished(Path(folder)), False
@@ -71,12 +71,12 @@ def main(arguments: list[str]) -> int:
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether an environment is incomplete, and so cannot be the evaluator."""
+    """Return whether an environment is incomplete, so that it cannot be the evaluator."""
     return (folder / _UNFINISHED_MARK).exists()
 
 
 def _make_environment(folder: str) -> bool:
-    """Make the environment; after an error, which is reported as a message, return False."""
+    """Make the environment. Return False after an error, which is reported as a message."""
     python = system.find_venv_python(Path(folder))
     # -I: Python then ignores a venv or pip in the current folder, which may belong to any .blend file.
     steps = (
@@ -111,7 +111,7 @@ def _make_environment(folder: str) -> bool:
 
 
 def _find_failure_reason(output: str) -> str:
-    """The reason why a step with this output failed, and the fix."""
+    """Find the reason why a step with this output failed, and the remedy."""
     known = next((meaning for words, meaning in _REASON_BY_OUTPUT if words in output), None)
     last = (output.strip().splitlines() or ["no message"])[-1]
     return known or f"{last}; check network and disk and press Install again."

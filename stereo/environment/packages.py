@@ -1,4 +1,7 @@
-"""The packages that the evaluation needs, and a check of this Python for them. This module needs none of them."""
+"""The packages that the evaluation needs, and a check of this Python for them.
+
+This module needs none of the packages.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +34,9 @@ PACKAGES = {
 
 
 def check_packages() -> dict[str, Any]:
-    """Check all packages: their versions, whether all is ``ok``, the ``missing`` packages, and a ``message`` with the
-    fix.
+    """Check all packages.
+
+    Return their versions, whether all is ``ok``, the ``missing`` packages, and a ``message`` with the remedy.
     """
     missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
     if sys.version_info < MIN_PYTHON:
@@ -44,9 +48,9 @@ def check_packages() -> dict[str, Any]:
 
 
 def find_versions() -> dict[str, str | None]:
-    """Versions of Python and of the packages; None for a package that is absent or does not load.
+    """Find the versions of Python and of the packages; None for a package that is absent or does not load.
 
-    The required packages are imported, since an installed package may fail to load. torch is slow to load and serves
+    The required packages are imported, because an installed package may fail to load. torch is slow to load and serves
     the learned matchers only, so it is looked up without an import.
     """
     return {
@@ -57,13 +61,13 @@ def find_versions() -> dict[str, str | None]:
 
 
 def is_in_blender() -> bool:
-    """Whether this process is the Blender program, in which OpenEXR crashes; False for Blender as a module."""
+    """Return whether this process is the Blender program, in which OpenEXR crashes; False for Blender as a module."""
     app = getattr(sys.modules.get("bpy"), "app", None)
     return app is not None and not getattr(app, "module", not app.binary_path)
 
 
 def require_modules(*modules: str) -> None:
-    """Raise IcyMoonError with the fix unless all of ``modules`` load in this Python."""
+    """Raise IcyMoonError with the remedy unless all of ``modules`` load in this Python."""
     if "OpenEXR" in modules and is_in_blender():
         raise IcyMoonError(
             "This needs OpenCV and OpenEXR, which crash inside Blender; press Evaluate in the sidebar, "
@@ -81,10 +85,10 @@ def format_requirement(module: str) -> str:
 
 
 def _import_package(module: str) -> tuple[str | None, str]:
-    """Import a module: its version or None, and its problem in words, empty if there is no problem."""
+    """Import a module. Return its version or None, and its problem in words, empty if there is no problem."""
     distribution, oldest, untested = PACKAGES[module]
     try:
-        # A package that lacks another one may print many lines about it.
+        # A package may print many lines if it lacks another one.
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package may raise anything

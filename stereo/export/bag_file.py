@@ -1,4 +1,4 @@
-"""Bags of ROS 2 messages as files: pairs and scans are written into them."""
+"""Writes pairs and scans as bags of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WORLD_FRAME = "map"
 
 
 def check() -> str:
-    """The reason why no bag can be written here; empty if it can."""
+    """Return the reason why no bag can be written here; empty if it can."""
     if importlib.util.find_spec("rosbags") is None:
         return 'The export ros2 needs the package rosbags; pip install "icymoon[ros]".'
     return ""
@@ -25,8 +25,11 @@ def check() -> str:
 
 @contextmanager
 def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]:
-    """A new bag (MCAP), which exists once the ``with`` block ends: a function that adds a message to a topic at a time
-    in ns, and rosbags' types of messages. Raises IcyMoonError if there is a bag already, or the disk refuses."""
+    """Open a new bag (MCAP), which exists once the ``with`` block ends.
+
+    Yield a function that adds a message to a topic at a time in ns, and rosbags' types of messages. Raises IcyMoonError
+    if there is a bag already, or if the disk refuses.
+    """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -37,7 +40,7 @@ def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]
     with explain_disk_errors("write to", part):
         part.mkdir(parents=True)
     try:
-        # In a separate folder, since a bag has the name of its folder.
+        # In a separate folder, because a bag has the name of its folder.
         with Writer(part / bag.name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             known: dict[str, Any] = {}
 

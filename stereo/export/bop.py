@@ -1,8 +1,8 @@
 """The layout of the BOP benchmark for 6-DoF poses (Hodan et al. 2018; README of bop_toolkit): the lander's links.
 
-``models/obj_000001.ply`` and so on in millimetres, with the origin at the middle of their box; ``test/000000`` has the
-left images and ``test/000001`` the right images, one image per pair. Principal points count from the corner of the
-first pixel, as the toolkit's renderer has them.
+The models ``models/obj_000001.ply`` and so on are in millimetres, with the origin at the middle of their box.
+``test/000000`` has the left images and ``test/000001`` the right images, one image per pair. Principal points count
+from the corner of the first pixel, as in the toolkit's renderer.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ _MASK_VALUE = 255
 
 @dataclass
 class _Models:
-    """The models so far: their numbers by link and shape, and their facts."""
+    """Models that are written so far: their numbers by link and shape, and their facts."""
 
     numbers: dict[tuple[str, bytes], int] = field(default_factory=dict)
     centres: dict[int, Array] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
 
     def copy(self) -> _Models:
-        """A copy with the same models."""
+        """Return a copy with the same models."""
         return _Models(dict(self.numbers), dict(self.centres), dict(self.facts))
 
     def add_link(self, link: str, solid: Solid, folder: Path) -> int:
-        """The index of the model of a link, which is written to a folder when it is new."""
+        """Return the number of a link's model. A new model is written to the folder."""
         key = link, np.round(solid.vertices * MM_PER_M, 3).tobytes()
         if key not in self.numbers:
             number = self.numbers[key] = len(self.numbers) + 1
@@ -68,9 +68,9 @@ class _Models:
 
 
 def _describe_model(places: Array) -> dict[str, float]:
-    """Diameter and box of a model in millimetres, as ``models_info.json`` has them."""
+    """Return the diameter and the box of a model in millimetres, as in ``models_info.json``."""
     low, size = places.min(axis=0), np.ptp(places, axis=0)
-    # The two farthest vertices are the ends of the model in some direction.
+    # The two vertices farthest apart are the ends of the model in some direction.
     directions = np.random.default_rng(0).normal(size=(2000, 3))
     ends = np.unique((places @ directions.T).argmax(axis=0))
     diameter = max(float(np.linalg.norm(places[ends] - places[k], axis=1).max()) for k in ends)
@@ -82,7 +82,7 @@ def _describe_model(places: Array) -> dict[str, float]:
 
 
 def _compute_vertex_normals(solid: Solid) -> Array:
-    """Unit normals (n, 3): the mean of the triangles around, by area."""
+    """Compute the unit normal of each vertex, (n, 3): the mean of the triangles around it, weighted by area."""
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     normals, faces = np.zeros_like(solid.vertices), np.cross(b - a, c - a)
     for k in range(3):
@@ -91,7 +91,7 @@ def _compute_vertex_normals(solid: Solid) -> Array:
 
 
 def write_all(each: Each, out: Path) -> None:
-    """Write all pairs with a lander. A pair without one is reported as a failure."""
+    """Write all pairs with a lander. A pair without a lander is reported as a failure."""
     models = _Models()
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
 
@@ -152,7 +152,10 @@ def _make_camera_facts(pair: LoadedPair, eye: str) -> dict[str, Any]:
 def _write_links(
     pair: LoadedPair, eye: str, folder: Path, image: int, models: _Models, solids: dict[str, Solid], shapes: Path
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the links in an image, and new models to ``shapes``; poses and the facts of pixels."""
+    """Write the masks of the links in an image, and new models to the folder ``shapes``.
+
+    Return the links' poses, and the counts and boxes of their pixels.
+    """
     poses, facts = [], []
     instance, depth = pair.views[eye].instance, pair.depth[eye]
     if instance is None:
@@ -185,7 +188,7 @@ def _make_pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]
 
 
 def _find_bounding_box(mask: Array) -> list[int]:
-    """x, y, width and height of a mask; -1 for an empty box, as BOP defines it."""
+    """Return x, y, width and height of a mask's box; -1 for an empty box, as BOP defines it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return [-1, -1, -1, -1]

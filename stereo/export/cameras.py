@@ -36,21 +36,23 @@ _POINTS_PER_PAIR = 2000
 
 
 def refuse_row_poses(pair: LoadedPair) -> None:
-    """Raise IcyMoonError for a pair with a rolling shutter, for layouts that have one pose for all rows."""
+    """Raise IcyMoonError for a pair with a rolling shutter, because the layout has one pose for all rows."""
     refuse_rolling_shutter(
         pair.pair, "this layout has one pose for all rows", "export tum, flow, raw or png8, or render with readout 0"
     )
 
 
 def read_pose(pair: LoadedPair, eye: str) -> Array:
-    """Read the matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair lacks it, or if image
-    rows have different matrices."""
+    """Read the matrix (4, 4) from an eye's axes to the world's.
+
+    Raises IcyMoonError if the pair lacks it, or if image rows have different matrices.
+    """
     refuse_row_poses(pair)
     return read_middle_pose(pair, eye)
 
 
 def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
-    """As ``read_pose``, at the middle of the exposure, also with a rolling shutter."""
+    """Read the matrix as ``read_pose``, at the middle of the exposure, also with a rolling shutter."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
         raise IcyMoonError(
@@ -60,8 +62,10 @@ def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
 
 
 def make_pixel_rays(camera: StereoCamera) -> Array:
-    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1; multiply by planar depth to get
-    points."""
+    """Return the directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1.
+
+    Directions times planar depth are points.
+    """
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.stack(
         [(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)], axis=-1
@@ -71,9 +75,9 @@ def make_pixel_rays(camera: StereoCamera) -> Array:
 def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     """Write the rectified images of a pair with CAHV models, and the images of the sensors with CAHVOR models.
 
-    In the folder are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts, and eyes
-    that are toed in or calibrated, also ``left_sensor.png`` and so on. World axes are east, north, up, in metres.
-    Raises IcyMoonError if the lens cannot be represented in CAHVOR or CAHVORE.
+    The folder gets ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``. If the lens distorts, or if eyes are
+    toed in or calibrated, it also gets ``left_sensor.png`` and so on. World axes are east, north, up, in metres. Raises
+    IcyMoonError if the lens cannot be represented in CAHVOR or CAHVORE.
     """
     camera = pair.pair.camera
     k, images = read_coefficients(pair.settings.rig), pair.images
@@ -96,7 +100,7 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
 
 
 def make_centred_matrix(camera: StereoCamera) -> Array:
-    """K with pixels counted from the centre of the first pixel."""
+    """Return K with pixels counted from the centre of the first pixel."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
     return matrix
@@ -104,7 +108,7 @@ def make_centred_matrix(camera: StereoCamera) -> Array:
 
 @dataclass
 class _ColmapModel:
-    """The content of a scene's COLMAP model so far."""
+    """Content of a scene's COLMAP model so far."""
 
     cameras: dict[str, int] = field(default_factory=dict)  # lines without their number
     images: list[str] = field(default_factory=list)
@@ -113,11 +117,12 @@ class _ColmapModel:
 
 
 def _write_colmap(each: Each, out: Path) -> None:
-    """Write, for each scene, ``scene-0000/images/``, ``scene-0000/sparse/0/`` with COLMAP's ``cameras.txt``,
-    ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
+    """Write COLMAP and nerfstudio files of each scene.
 
-    Pairs of the same ground, surface and light are one scene. Images are rectified; both programs count pixels from the
-    corner of the first pixel, as we do. Points come from the true depth and are seen by both eyes.
+    ``scene-0000/`` gets ``images/``, ``sparse/0/`` with COLMAP's ``cameras.txt``, ``images.txt`` and ``points3D.txt``,
+    and nerfstudio's ``transforms.json``. Pairs of the same ground, surface and light are one scene. Images are
+    rectified; both programs count pixels from the corner of the first pixel, as we do. Points come from the true depth
+    and are seen by both eyes.
     """
     models: dict[str, _ColmapModel] = {}
 
@@ -152,7 +157,7 @@ def _make_scene_key(pair: LoadedPair) -> str:
 
 
 def _make_frame(file: str, camera: StereoCamera, pose: Array) -> dict[str, Any]:
-    """A frame of nerfstudio, whose cameras look along -z with y up."""
+    """Make a frame of nerfstudio, whose cameras look along -z with y up."""
     return {
         "file_path": file,
         "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
@@ -200,8 +205,10 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
 
 
 def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
-    """Rows and columns of left pixels that both eyes see, evenly spread, and the positions of their points in the right
-    image."""
+    """Choose left pixels that both eyes see, evenly spread.
+
+    Return their rows and columns, and the columns of their points in the right image.
+    """
     rows, columns = np.nonzero(pair.visible["left"])
     step = max(1, len(rows) // _POINTS_PER_PAIR)
     rows, columns = rows[::step], columns[::step]
@@ -210,7 +217,7 @@ def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
 
 
 def _find_world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
-    """World coordinates (n, 3) in metres of the points at left pixels."""
+    """Find the world coordinates (n, 3), m, of the points at left pixels."""
     pose = read_pose(pair, "left")
     eye = make_pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]

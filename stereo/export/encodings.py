@@ -11,11 +11,11 @@ from ...support.arrays import Array
 from ...support.files import write_bytes
 from .losses import Loss
 
-#: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
+#: KITTI and others store 256 times the disparity as 16-bit PNG; 0 means unknown.
 KITTI_STEPS_PER_PX = 256.0
 MM_PER_M = 1000.0
 _MAX_STEPS = 65535
-#: Steps per px of KITTI's flow, and the value that Middlebury's readers take as unknown, above 1e9.
+#: Steps per px of KITTI's flow, and the value for unknown flow. Middlebury's readers take all above 1e9 as unknown.
 _FLOW_STEPS_PER_PX, _NO_FLOW = 64.0, 1e10
 
 
@@ -31,8 +31,10 @@ def write_pfm(path: Path, values: Array) -> None:
 
 
 def quantise_to_16_bits(values: Array, scale: float, what: str, unit: str) -> tuple[Array, list[Loss]]:
-    """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and the loss: values outside of 1 / scale to
-    65535 / scale."""
+    """Return ``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and the loss.
+
+    Values outside of 1 / scale to 65535 / scale are lost.
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.rint(values * scale)
         fits = (steps >= 1) & (steps <= _MAX_STEPS)  # False for NaN
@@ -46,14 +48,16 @@ def quantise_to_16_bits(values: Array, scale: float, what: str, unit: str) -> tu
 
 
 def encode_flo(flow_px: Array) -> bytes:
-    """The bytes of Middlebury's .flo file of a flow (H, W, 2), columns to the right and rows down; NaN is unknown."""
+    """Encode a flow (H, W, 2) as Middlebury's .flo file: columns to the right and rows down; NaN is unknown."""
     head = struct.pack("<4sii", b"PIEH", flow_px.shape[1], flow_px.shape[0])
     return head + np.nan_to_num(flow_px, nan=_NO_FLOW).astype("<f4").tobytes()
 
 
 def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
-    """Quantise a flow (H, W, 2), px, to KITTI's uint16 (H, W, 3) in the order B, G, R: known, rows, columns, of 64
-    steps per px from -512 px on; and the loss, flow beyond 512 px."""
+    """Quantise a flow (H, W, 2), px, to KITTI's uint16 (H, W, 3), and return it with the loss: flow beyond 512 px.
+
+    The order is B, G, R: known, rows, columns. A flow has 64 steps per px, from -512 px on.
+    """
     with np.errstate(invalid="ignore"):
         steps = np.rint(flow_px * _FLOW_STEPS_PER_PX) + 32768
         fits = ((steps >= 0) & (steps <= _MAX_STEPS)).all(axis=-1)  # False for NaN

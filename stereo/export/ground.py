@@ -1,7 +1,7 @@
-"""The exports ``dem``, ``ply``, ``obj``, ``usd`` and ``gltf``: the ground of pairs as maps and meshes, in the site's
-frame.
+"""The exports ``dem``, ``ply``, ``obj``, ``usd`` and ``gltf``: the ground of pairs as maps and meshes.
 
-A pair contains no ground, so Blender builds it again from the settings of the pair. ``<out>/<pair>/`` gets
+They are in the site's frame. A pair contains no ground, so Blender builds it again from the settings of the pair.
+``<out>/<pair>/`` gets
 
 * ``dem``: ``dem.tif``, ``dsm.tif`` and ``albedo.tif``, GeoTIFF, see ``render.ground_maps``;
 * ``ply``: ``terrain.ply``, ``rock.ply``; ``obj``, ``usd``: ``ground.obj``, ``ground.usd``, with z up; ``gltf``:
@@ -57,10 +57,10 @@ def export_ground(
     cell_m: float | None = None,
     hear: Hear = lambda message: None,
 ) -> list[Path]:
-    """Write the ground of pairs, ``kind`` one of ``FORMATS``, and return the folders.
+    """Write the ground of pairs as ``kind``, one of ``FORMATS``, and return the folders.
 
-    ``cell_m`` is the size of the cells of ``dem``, by default a 1024th of the ground. Raises IcyMoonError for a pair
-    that was edited by hand, for an invalid size, and if Blender fails.
+    ``cell_m`` is the size of the cells of ``dem``, by default a 1024th of the ground. Raises IcyMoonError if a pair was
+    edited by hand, if the size is invalid, or if Blender fails.
     """
     for pair in pairs:
         refuse_edited(pair)
@@ -103,7 +103,7 @@ def read_geometry(folder: Path) -> dict[str, Any]:
 
 
 def _make_files_key(settings: Settings, kind: str) -> str:
-    """A cache key: equal texts for pairs with equal files. Maps have albedo, and no lander."""
+    """Return equal texts for pairs with equal files. Maps have albedo, but no lander."""
     shown = kind == "dem" or any(
         settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
         for topic in surface_topics(settings)
@@ -118,7 +118,7 @@ def _make_files_key(settings: Settings, kind: str) -> str:
 
 
 def refuse_edited(pair: Pair) -> None:
-    """Raise IcyMoonError for a pair with changes by hand, which its settings do not describe."""
+    """Raise IcyMoonError if a pair was edited by hand, because its settings do not describe it."""
     if pair.data.get("edited_by_hand"):
         raise IcyMoonError(
             f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
@@ -129,7 +129,7 @@ def refuse_edited(pair: Pair) -> None:
 def build_geometry(
     planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str, program: str = "geometry"
 ) -> None:
-    """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
+    """Have Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
 
     ``arguments`` are the arguments of ``render.geometry_worker`` after the folder, or of another ``program``.
     """

@@ -2,11 +2,11 @@
 
 * ``<pair>/<camera>.png``: the developed image, in 8 bits.
 * ``<pair>/<camera>_depth.png``: depth along the optical axis in millimetres, 16 bits, 0 where it is unknown.
-* ``<pair>/<camera>_truth.npz``: ``distance_m``, ``depth_m``, ``points_m`` in east, north, up, and if the pair has them
-  them ``normal``, ``semantic`` and ``instance``.
+* ``<pair>/<camera>_truth.npz``: ``distance_m``, ``depth_m``, ``points_m`` in east, north, up, and if the pair has
+  them, ``normal``, ``semantic`` and ``instance``.
 * ``<pair>/cameras.json``: the cameras as in ``pair.json``, with their exposures.
-* ``scene-0000.json``, as nerfstudio's ``transforms.json``, and ``scene-0000/sparse/0``, as COLMAP has cameras and
-  images: those whose lens the format holds, of all pairs of a scene. Names of images are relative to the export.
+* ``scene-0000.json``, nerfstudio's ``transforms.json``, and ``scene-0000/sparse/0``, cameras and images of COLMAP:
+  all images of a scene whose lens the format can hold. Names of images are relative to the export.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from .plug_in import FoldersContext
 from .whole_folders import fill_whole_folder
 
 TITLES = {"head": "Camera Head: images, depth, points and poses of the cameras beside the pair"}
-#: Formats of a scene's cameras, and what follows the scene's name.
+#: Formats of a scene's cameras, and the suffix after the scene's name.
 _MODELS = {"transforms": ".json", "colmap": "/sparse/0"}
 
 
 def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-    """Write the cameras beside the pairs of ``folders``. Raises IcyMoonError if a pair has none."""
+    """Write the cameras beside the pairs of ``folders``. Raises IcyMoonError if a pair has no such cameras."""
     response = merged(*map(override, context.changes))
     scenes: dict[str, list[CalibratedCamera]] = {}
     lost: dict[str, int] = {}
@@ -66,7 +66,7 @@ def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -
 
 
 def _write_pair(pair: Pair, settings: Settings, out: Path) -> list[str]:
-    """Write the cameras of a pair; return the losses by 16 bits, in clauses."""
+    """Write the cameras of a pair; return the losses by 16 bits as clauses."""
     entries: list[dict[str, Any]] = []
     lost: list[str] = []
     with fill_whole_folder(out / pair.folder.name) as folder:
@@ -98,7 +98,7 @@ def _write_view(view: HeadView, image: HeadImage, settings: Settings, folder: Pa
 
 
 def _list_models(pair: Pair) -> list[CalibratedCamera]:
-    """The cameras of a pair that have a lens, with their poses in the world, named after their images."""
+    """List the cameras of a pair that have a lens, with their poses in the world, named after their images."""
     return [_place(camera, pair) for camera in pair.head if isinstance(camera.projection, CalibratedCamera)]
 
 
@@ -115,4 +115,4 @@ def _write_models(cameras: list[CalibratedCamera], out: Path, scene: str, contex
         if held:
             write_calibration(CalibratedRig(tuple(held)), [out / f"{scene}{suffix}"], kind)
         if len(held) < len(cameras):
-            context.warn(f"{scene}{suffix} lacks {len(cameras) - len(held)} images, whose lens the format has not.")
+            context.warn(f"{scene}{suffix} lacks {len(cameras) - len(held)} images, whose lens the format cannot hold.")

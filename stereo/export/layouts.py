@@ -1,4 +1,4 @@
-"""Exporting pairs, with their truth, in the layouts of other data sets.
+"""Exports pairs, with their truth, in the layouts of other data sets.
 
 * ``png8``, ``png16``, ``pfm``: a folder per pair with ``left`` and ``right``, ``calibration.json``, and for each eye
   ``disparity``, ``depth``, labels and ``visible`` (255 where the other eye sees the point too), as far as the format
@@ -7,9 +7,10 @@
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
 
-``plugins/entry_points.txt`` declares these and the others; ``export`` runs all that read images. Images are rectified
-and developed as for the matchers, but in colour if the sensor sees it; ``pfm`` contains the radiance itself. An unknown
-value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
+``plugins/entry_points.txt`` declares these and other exports; ``export`` runs all that read images. Images are
+rectified and developed as for the matchers, but in colour if the sensor is a colour sensor; ``pfm`` contains the
+radiance itself. An unknown value (sky, or a point that a toed-in eye does not see) is infinity in PFM and 0 in 16-bit
+PNG.
 """
 
 from __future__ import annotations
@@ -64,13 +65,12 @@ def export(
     response: Mapping[str, Mapping[str, Any]] | None = None,
     on_event: Event = lambda event: None,
 ) -> list[str]:
-    """Write all pairs at ``paths`` to ``out`` in the layout ``kind``, the name of an export that reads images; return a
-    sentence per failure.
+    """Write all pairs at ``paths`` to ``out`` in the layout ``kind``; return a sentence per failure.
 
-    ``response`` overrides settings that need no new render. A pair that cannot be used is left out and reported by an
-    event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}, as are losses
-    of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
-    IcyMoonError if there is no pair or ``out`` cannot be written.
+    ``kind`` is the name of an export that reads images. ``response`` overrides settings that need no new render. A pair
+    that cannot be used, or would lose most of its disparities, is left out and reported by an event {"type": "error",
+    "message"}. A failed self-check, and losses of truth that the layout cannot hold, are reported by {"type":
+    "warning", "message"}. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _PairReader(sort_by_time(list_distinct_pairs(paths)), response or {}, on_event)
     PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
@@ -81,7 +81,7 @@ def export(
 
 
 class _PairReader:
-    """Pairs that are read and written one by one; a failure does not stop the others."""
+    """Reads pairs and has them written one by one; a failure does not stop the others."""
 
     def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
         self._folders, self._response, self._tell = folders, response, on_event
@@ -90,7 +90,7 @@ class _PairReader:
         self._places: dict[str, Any] = {}
 
     def write_each(self, write: Write) -> None:
-        """Read each pair and let ``write`` write it. Raises DiskError if the disk refuses."""
+        """Read each pair and write it by ``write``. Raises DiskError if the disk refuses."""
         for done, folder in enumerate(self._folders, 1):
             try:
                 pair = load_pair(folder, self._response)
@@ -123,7 +123,7 @@ class _PairReader:
             )
 
     def write_map_places(self, out: Path) -> None:
-        """Write ``map_coordinates.json`` if the ground of any pair is from a map: where their frames lie on it."""
+        """Write ``map_coordinates.json``, which places the pairs on maps, if the ground of any pair is from a map."""
         if self._places:
             write_json(out / "map_coordinates.json", {"formula": MAP_FORMULA, "pairs": self._places})
 
@@ -137,7 +137,7 @@ def _get_eye_disparity(pair: LoadedPair, eye: str) -> Array:
 
 
 def _get_eye_image(pair: LoadedPair, eye: str) -> Array:
-    """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
+    """Return the image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
     return pair.images.for_files(eye)
 
 
@@ -201,14 +201,14 @@ def _write_png16(pair: LoadedPair, folder: Path) -> list[Loss]:
 
 
 def _to_16_bit_image(pair: LoadedPair, eye: str) -> Array:
-    """The image of ``_write_8_bit`` in 16 bits."""
+    """Return the image of ``_write_8_bit`` in 16 bits."""
     level = _get_eye_image(pair, eye) / (2.0**pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
 
 def _list_instance_labels(pair: LoadedPair) -> Array:
-    """The instance labels of both eyes in ascending order, from 0. Their positions fit 16 bits."""
+    """List the instance labels of both eyes in ascending order, from 0. Raises IcyMoonError if they exceed 16 bits."""
     found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
     labels = np.unique(np.concatenate([[0], *found]))
     if len(labels) > 65536:
@@ -227,8 +227,11 @@ def _write_pfm(pair: LoadedPair, folder: Path) -> None:
 
 
 def _write_kitti(each: Each, out: Path) -> None:
-    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` only the ones of points that the right
-    eye sees too."""
+    """Write the layout of KITTI 2015.
+
+    ``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` only the disparities of points that the
+    right eye sees too.
+    """
     numbers = [("number", "pair")]
 
     def write(pair: LoadedPair) -> list[Loss]:
@@ -274,7 +277,7 @@ def _write_middlebury(pair: LoadedPair, folder: Path) -> None:
 
 
 def make_middlebury_text(camera: StereoCamera) -> str:
-    """The camera as Middlebury's ``calib.txt``: pixels from the centre of the first pixel, lengths in mm."""
+    """Describe the camera as Middlebury's ``calib.txt``: pixels from the centre of the first pixel, lengths in mm."""
     eyes = "".join(
         f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
         f"0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; 0 0 1]\n"
@@ -287,7 +290,10 @@ def make_middlebury_text(camera: StereoCamera) -> str:
 
 
 def _make_middlebury_calibration(pair: LoadedPair) -> str:
-    """Middlebury 2014: ``ndisp`` is a safe number of disparities, ``vmin`` and ``vmax`` are their range."""
+    """Make the text of Middlebury 2014's ``calib.txt``.
+
+    ``ndisp`` is a sufficient number of disparities, ``vmin`` and ``vmax`` are their range.
+    """
     disparity = _get_eye_disparity(pair, "left")
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
@@ -300,7 +306,7 @@ def _make_middlebury_calibration(pair: LoadedPair) -> str:
 def _write_coco(each: Each, out: Path) -> None:
     categories = [{"id": k, "name": SEMANTIC_NAMES[k], "supercategory": "thing"} for k in THINGS]
 
-    def fill(part: Path) -> None:
+    def write_annotations(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(
                 f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
@@ -309,7 +315,7 @@ def _write_coco(each: Each, out: Path) -> None:
             images = _write_coco_images(each, out, stream)
             stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
 
-    write_atomically(out / "annotations.json", fill)
+    write_atomically(out / "annotations.json", write_annotations)
 
 
 def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[str, Any]]:
@@ -347,7 +353,7 @@ def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[
 
 
 def make_coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator[dict[str, Any]]:
-    """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
+    """Yield COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is the most frequent one among the instance's pixels.
     ``label`` is the number of the instance, the same in both eyes and in every pair of the scene.
@@ -385,9 +391,9 @@ COCO = Export(write_all=_write_coco)
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     """Write ``<out>/<pair>/truth.npz`` of all pairs, and yield the self-check of each, with ``pair``, once it is done.
 
-    An npz contains, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for points
-    that the sensor does not see, and ``visible_left``, bool: the other eye sees it too. A pair that cannot be used
-    gives its ``problems`` only.
+    An npz contains for both eyes ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for points
+    that the sensor does not see, and ``visible_left``, bool, true where the other eye sees the point too. A pair that
+    cannot be used yields only its ``problems``.
     """
     for folder in list_distinct_pairs(paths):
         try:

@@ -1,4 +1,4 @@
-"""Scans of laser scanners for other programs: PLY, LAS and LAZ, and bags of ROS 2, each in parts of bounded memory.
+"""Writes scans of laser scanners for other programs: PLY, LAS and LAZ, and bags of ROS 2, in parts of bounded memory.
 
 A point is where the instrument puts a return: at the measured range of a scan with a detector, along the beam's axis.
 Lost returns have no point. False alarms are points without a label, with the return number 0.
@@ -31,7 +31,7 @@ from ...support.file_schemas import COUNT, MATRIX, NUMBER, TEXT, Each, Maybe, re
 from ...support.files import write_atomically
 from ...support.system import remove
 
-#: File of each format, beside the scan's own.
+#: File of each format, beside the scan's own files.
 FILES = {"ply": "lidar.ply", "las": "lidar.las", "laz": "lidar.laz", "ros2": "lidar_bag"}
 _FIX = "scan the scene again"
 _FACTS_SHAPE = {
@@ -72,7 +72,7 @@ _LAS_STEP_M = 1e-4
 #: Most points of a message, about 40 MB.
 _POINTS_A_MESSAGE = 10**6
 _NS_PER_S = 1_000_000_000
-#: Picoseconds of light there and back for a metre of range.
+#: Round-trip time of light for a metre of range, in picoseconds.
 _PS_PER_M = 2e12 / LIGHT_M_S
 #: Record number of the first Waveform Packet Descriptor of LAS.
 _FIRST_DESCRIPTOR = 100
@@ -80,10 +80,14 @@ _FIRST_DESCRIPTOR = 100
 
 @dataclass(frozen=True)
 class ScanPoints:
-    """Points (k,) of a scan: ``point_m`` (k, 3) in the site's axes, measured range, its error (NaN of a false alarm),
-    the light that came back in J and as a number of electrons or photons, return number and number of returns, label
-    and instance, row of the beam, time in s after the scan began, and the delay in ice in metres. ``waves`` are their
-    places in the waveforms of a scan that has them."""
+    """Points (k,) of a scan.
+
+    ``point_m`` (k, 3) is in the site's axes. ``range_m`` is the measured range, ``error_m`` its error, NaN for a false
+    alarm. ``energy_j`` is the light that came back, ``light`` its number of electrons or photons. ``order`` and ``of``
+    are the return number and the number of returns, ``label`` and ``number`` the label and the instance, ``row`` the
+    row of the beam, ``time_s`` the time after the scan began, ``ice_m`` the delay in ice. ``waves`` are the points'
+    places in the waveforms, if the scan has any.
+    """
 
     point_m: Array
     range_m: Array
@@ -104,7 +108,7 @@ class ScanPoints:
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """The content of the ``lidar.json`` of a scan. Raises IcyMoonError if it is missing or damaged."""
+    """Read the ``lidar.json`` of a scan. Raises IcyMoonError if it is missing or damaged."""
     try:
         return dict(read_record(folder / "lidar.json", _FACTS_SHAPE, _FIX))
     except FileNotFoundError:
@@ -112,13 +116,15 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def count_points(facts: Mapping[str, Any]) -> int:
-    """The number of points of a scan."""
+    """Return the number of points of a scan."""
     return int(facts["returns"] - (facts.get("lost_returns") or 0) + (facts.get("false_alarms") or 0))
 
 
 def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
-    """The points of a scan in parts: those of returns in the order of their beams, then false alarms. Raises
-    IcyMoonError if the file of the scan is damaged."""
+    """Yield the points of a scan in parts: the returns in the order of their beams, then the false alarms.
+
+    Raises IcyMoonError if the file of the scan is damaged.
+    """
     path, position = folder / "lidar.npz", np.array(facts["position_m"])
     photons_1_j = facts["wavelength_nm"] * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
     waves = _WAVE_NAMES if facts.get("waveforms") else ()
@@ -158,8 +164,10 @@ def _refuse_missing(path: Path, part: Mapping[str, Array], names: Collection[str
 def _find_waves(
     part: Mapping[str, Array], facts: Mapping[str, Any], kept: Array | slice, start: str = ""
 ) -> Waves | None:
-    """Return the indices of the kept points' waveforms, from the arrays whose names begin with ``start``. Raises
-    IcyMoonError for an index beyond the waveforms."""
+    """Return the indices of the kept points' waveforms, from the arrays whose names begin with ``start``.
+
+    None without waveforms. Raises IcyMoonError for an index beyond the waveforms.
+    """
     stated = facts.get("waveforms")
     if not stated:
         return None
@@ -171,7 +179,7 @@ def _find_waves(
 
 
 def _make_alarm_points(part: Mapping[str, Array], facts: Mapping[str, Any]) -> ScanPoints:
-    """The points of false alarms."""
+    """Make the points of false alarms."""
     pattern = ScanPattern(_check_kind(facts), facts["rows"], facts["columns"], 0, 0, 0, facts["period_s"])
     row, _, time_s = find_cells(part["false_beam"], pattern)
     count = len(row)
@@ -202,8 +210,10 @@ def _check_kind(facts: Mapping[str, Any]) -> PatternKind:
 
 
 def write_scan(folder: Path, kind: str) -> Path:
-    """Write the points of the scan in a folder as ``kind``, one of ``FILES``, and return the file's path. Raises
-    IcyMoonError if a package is missing, or the disk refuses."""
+    """Write the points of the scan in a folder as ``kind``, one of ``FILES``, and return the file's path.
+
+    Raises IcyMoonError if a package is missing, or if the disk refuses.
+    """
     facts = read_facts(folder)
     write = {"ply": _write_ply, "las": _write_las, "laz": _write_las, "ros2": _write_bag}[kind]
     write(folder / FILES[kind], folder, facts)
@@ -211,8 +221,10 @@ def write_scan(folder: Path, kind: str) -> Path:
 
 
 def discard_points(folder: Path, kinds: Collection[str]) -> None:
-    """Remove the points of an earlier scan in a folder, before another scan writes ``kinds`` of files there. Raises
-    IcyMoonError if one of these is a bag that exists, since bags are not written over."""
+    """Remove the points of an earlier scan in a folder, before another scan writes ``kinds`` of files there.
+
+    Raises IcyMoonError if one of them is an existing bag, because bags are not overwritten.
+    """
     if "ros2" in kinds and (folder / FILES["ros2"]).exists():
         bag = folder / FILES["ros2"]
         raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
@@ -222,7 +234,7 @@ def discard_points(folder: Path, kinds: Collection[str]) -> None:
 
 
 def check_format(kind: str) -> str:
-    """The reason why a format cannot be written in this Python, as a sentence; empty if it can."""
+    """Return in a sentence why a format cannot be written in this Python; empty if it can."""
     needed = {"las": ("laspy",), "laz": ("laspy", "lazrs")}.get(kind, ())
     for name in needed:
         if importlib.util.find_spec(name) is None:
@@ -249,7 +261,7 @@ def _write_ply(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
-    """LAS 1.4 with points of format 6, or 9 with waveforms; the file's ending decides whether it is packed."""
+    """Write LAS 1.4 with points of format 6, or 9 with waveforms. The suffix .laz compresses the file."""
     import laspy
 
     waveforms = facts.get("waveforms")
@@ -295,7 +307,7 @@ def _make_header(laspy: Any, facts: Mapping[str, Any], frame: MapFrame | None) -
 
 
 def _describe_packets(waveforms: Mapping[str, Any]) -> list[Any]:
-    """The Waveform Packet Descriptors of LAS, one for each gain. What LAS calls volts are electrons in an interval."""
+    """Make the Waveform Packet Descriptors of LAS, one for each gain. LAS's volts are electrons in an interval here."""
     from laspy.vlrs.known import WaveformPacketStruct, WaveformPacketVlr
 
     found = []
@@ -316,8 +328,11 @@ def _set_waves(
     frame: MapFrame | None,
     position_m: Array,
 ) -> None:
-    """Set the wave packets of points. By LAS 1.4 R15 the sample at the time t after the first one, in ps, lies at
-    P + (L - t) (dx, dy, dz): P is the point, and L its own time. So dx, dy and dz lead back to the sensor."""
+    """Set the wave packets of points.
+
+    By LAS 1.4 R15, the sample at the time t after the first one, in ps, lies at P + (L - t) (dx, dy, dz), where P is
+    the point and L its own time. So dx, dy and dz lead back to the sensor.
+    """
     waves, size = part.waves, count_packet_bytes(waveforms["samples"])
     assert waves is not None
     record.wavepacket_index = waves.packet_gain + np.uint8(1)
@@ -332,7 +347,10 @@ def _set_waves(
 
 
 def _to_map(point_m: Array, frame: MapFrame | None) -> Array:
-    """Points (n, 3) of the site in the map's unit, with heights in metres of its file; without a map as they are."""
+    """Convert points (n, 3) of the site to the map's unit, with heights in metres of its file.
+
+    Without a map, points are unchanged.
+    """
     if frame is None:
         return point_m
     x, y, z = point_m.T
@@ -341,7 +359,7 @@ def _to_map(point_m: Array, frame: MapFrame | None) -> Array:
 
 
 def _make_records(laspy: Any, header: Any, part: ScanPoints, point: Array) -> Any:
-    """The points of a part as records of LAS."""
+    """Make the records of LAS from the points of a part."""
     record = laspy.ScaleAwarePointRecord.zeros(len(part), header=header)
     record.x, record.y, record.z = point.T
     record.intensity = np.clip(np.rint(part.light), 0, 65535).astype(np.uint16)
@@ -373,7 +391,7 @@ _ROS_LAYOUT = np.dtype([(name, kind) for name, kind, _ in _ROS_FIELDS])
 
 
 def _write_bag(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
-    """A bag with ``/lidar/points`` (PointCloud2 in the sensor's axes; t in ns after the stamp) and ``/tf``."""
+    """Write a bag with ``/lidar/points`` (PointCloud2 in the sensor's axes; t in ns after the stamp) and ``/tf``."""
     from .bag_file import WORLD_FRAME, open_bag
 
     matrix = np.array(facts["sensor_to_world"])

@@ -1,4 +1,4 @@
-"""Truth that a format cannot hold: refused where most of it would be lost, else reported once for all pairs."""
+"""Truth that a format cannot hold. It is refused if most of it would be lost, else reported once for all pairs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ _LOSSLESS_FORMATS = {"disparity": "pfm and middlebury", "depth": "pfm and raw", 
 
 @dataclass(frozen=True)
 class Loss:
-    """The part of a map that a format cannot store: ``share`` of its known pixels, and ``why``, the end of a
-    sentence.
+    """The part of a map that a format cannot store.
+
+    ``share`` is its share of the known pixels, ``why`` the end of a sentence.
     """
 
     what: str  # "disparity" or "depth"
@@ -26,13 +27,13 @@ class Loss:
     why: str
 
 
-#: ``Write`` writes a pair and returns its losses; ``Each`` calls such a function with each pair.
+#: A ``Write`` function writes a pair and returns its losses. An ``Each`` function calls a ``Write`` with each pair.
 Write = Callable[[LoadedPair], Sequence[Loss] | None]
 Each = Callable[[Write], None]
 
 
 def refuse_losses(pair: LoadedPair, losses: Sequence[Loss]) -> None:
-    """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
+    """Raise IcyMoonError if most of the true disparities of a pair would be lost. Call it before files are written."""
     for loss in losses:
         if loss.what == "disparity" and loss.share > MAX_LOST_SHARE:
             raise IcyMoonError(
@@ -48,13 +49,13 @@ class Losses:
     _found: dict[tuple[str, str], list[tuple[float, str]]] = field(default_factory=dict)
 
     def add(self, pair: LoadedPair, losses: Sequence[Loss]) -> None:
-        """Note the losses of a pair, the worst of its maps."""
+        """Note the largest loss of each kind among a pair's maps."""
         for key in {(loss.what, loss.why) for loss in losses}:
             share = max(loss.share for loss in losses if (loss.what, loss.why) == key)
             self._found.setdefault(key, []).append((share, pair.pair.folder.name))
 
     def sentences(self, pairs: int) -> Iterator[str]:
-        """A sentence for each kind of loss; ``pairs`` is the number of pairs that were written."""
+        """Yield a sentence for each kind of loss; ``pairs`` is the number of written pairs."""
         for (what, why), found in self._found.items():
             share, name = max(found)
             written = f"{100 * share:.2g} %" if share < 0.995 else "all"

@@ -1,12 +1,12 @@
 """The export ``mitsuba``: the scene of a pair for the renderer Mitsuba 3.
 
-``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads as they are, PLY files of the
+``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads unchanged, PLY files of the
 evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law,
 ``mitsuba_hapke.py`` and ``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists the omissions.
 
-The scene is built again from the settings of the pair, in Blender, to get its meshes. It has the camera of each eye,
+Blender builds the scene again from the settings of the pair to get its meshes. The scene has the camera of each eye,
 the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's law, Hapke's or the law of snow. The
-film has a Gaussian filter, as wide as the filter of Cycles here. Radiance has the unit of the pair, W/(m² sr).
+film has a Gaussian filter of the same width as Cycles' filter here. Radiance has the unit of the pair, W/(m² sr).
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from .plug_in import FoldersContext
 NEEDS = "Blender"
 HEADINGS = {"mitsuba": "Ground and Meshes"}
 TITLES = {"mitsuba": "Mitsuba 3: the scene for this renderer, with meshes, cameras and light"}
-#: Distance of the Sun's disk, m, so large that its direction is the same from all of a ground.
+#: Distance of the Sun's disk, m, so large that its direction is the same from all points of a ground.
 _SUN_DISTANCE_M = 1e9
-#: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
+#: Rows of the map of the sky. A row is 0.1 degrees, a three-hundredth of Saturn's disc.
 _SKY_ROWS = 1800
-#: Standard deviation of the filter in pixels, taken from a Blackman-Harris window that is 3 pixels wide in all.
-#: ``cycles.filter_width`` is 1.5, half of its width, since Cycles doubles the width of this window.
+#: Standard deviation of the filter in pixels, as of a Blackman-Harris window that is 3 pixels wide in all.
+#: ``cycles.filter_width`` is 1.5, half of this width, because Cycles doubles it for this window.
 _FILTER_PX = 0.4155
 #: Depth without Russian roulette, which would only add noise.
 _ROULETTE_DEPTH = 1000
 
-#: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
+#: Settings of a surface that the export lacks if they are not 0: of every surface, and of Principled ice alone.
 _UNEXPORTED_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt", "emitted_w_m2_sr")
 _UNEXPORTED_LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 
-#: By reflectance law, the files with its BSDF.
+#: The files with the BSDF of each reflectance law.
 _BSDF_FILES = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsuba_snow.py")}
 
 Plugin = dict[str, Any]
@@ -77,7 +77,7 @@ def export_mitsuba(
 ) -> list[Path]:
     """Write the scenes of pairs to ``<out>/<pair>/`` and return these folders.
 
-    Raises IcyMoonError if a pair cannot be exported: one that was edited by hand, or has no pinhole camera.
+    Raises IcyMoonError if a pair was edited by hand, or if its cameras or lights are not supported.
     """
     for pair in pairs:
         _refuse_unexportable(pair)
@@ -140,7 +140,7 @@ def write_scene(pair: Pair, folder: Path) -> Path:
 
 
 def find_left_out(settings: Settings, shown: Sky) -> list[str]:
-    """The parts of a pair that the export lacks, a sentence each."""
+    """List the parts of a pair that the export lacks, one sentence each."""
     found = []
     for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
         surface = settings[topic]
@@ -187,7 +187,10 @@ def _surface_plugin(settings: Settings, kind: str) -> Plugin:
 
 
 def _camera_plugin(pair: Pair, eye: str) -> Plugin:
-    """Mitsuba's camera looks along z with x to the left and y up; a pair's camera has x to the right and y down."""
+    """Make the camera of an eye.
+
+    Mitsuba's camera looks along z with x to the left and y up; a pair's camera has x to the right and y down.
+    """
     camera = pair.camera
     pose = np.array(pair.data["poses_camera_to_world"][eye]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
     return {
@@ -217,7 +220,7 @@ def _light_plugins(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
         found["sun"] = _sun_plugin(pair.sun.direction, pair.sun.irradiance_wm2, pair.sun.angular_diameter_deg)
     if shown.planet is not None and shown.planet_is_up and irradiance_wm2(shown.planet) > 0:
         write_pfm(folder / "planet.pfm", _make_sky_map(VisibleCap(shown.planet)))
-        # Its pole is y, and the middle of its columns looks along z, which is north here.
+        # The map's pole is y, and its middle column looks along z, which is north here.
         found["planet"] = {"type": "envmap", "filename": "planet.pfm", "to_world": _SKY_TO_WORLD}
     return found
 
@@ -239,12 +242,15 @@ def _sun_plugin(direction: Array, energy: float, diameter_deg: float) -> Plugin:
     }
 
 
-#: From the axes of Mitsuba's map of the sky, whose y is up, to ours.
+#: Transform from the axes of Mitsuba's map of the sky, with y up, to ours.
 _SKY_TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
 def _make_sky_map(seen: VisibleCap) -> Array:
-    """Radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it; 0 below the horizon."""
+    """Make the radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it.
+
+    It is 0 below the horizon.
+    """
     rows = _SKY_ROWS
     # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to the middle of
     # the last.

@@ -1,6 +1,6 @@
-"""The export ``parquet-index``: a table of pairs, with where they are, their split, conditions and calibration.
+"""The export ``parquet-index``: a table of the pairs' places, splits, conditions and calibrations.
 
-Written by the package pyarrow. It copies no image: a row leads to the folder of its pair.
+The package pyarrow writes it. No image is copied: a row leads to the folder of its pair.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ INDEX = "index.parquet"
 
 
 def check() -> str:
-    """The reason why no table can be written here; empty if it can."""
+    """Return the reason why no table can be written here; empty if it can."""
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
@@ -32,8 +32,10 @@ def check() -> str:
 
 
 def write_all(each: Each, out: Path) -> None:
-    """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's path, relative
-    to the index), the principal point, and as ``topic.key`` each setting that differs between the pairs.
+    """Write ``index.parquet``.
+
+    Its columns are those in ``index.csv`` of the other exports, ``folder`` (the pair's path, relative to the index),
+    the principal point, and as ``topic.key`` each setting that differs between the pairs.
     """
     import pyarrow
     from pyarrow import parquet
@@ -68,5 +70,5 @@ def write_all(each: Each, out: Path) -> None:
 
 
 def _to_column_value(value: object) -> object:
-    """A value in the type of a column; lists of tables as text."""
+    """Convert a value to the type of a column; lists and tables become text."""
     return json.dumps(value) if isinstance(value, list | dict) else value

@@ -1,9 +1,9 @@
 """Calls the functions of exports, ours or of packages that the user installed, with the data of a pair.
 
-An export has one of three functions. ``write_pair(pair, folder)`` writes a pair into a folder, and ``finish(names,
-folder)``, if there is one, what belongs to all of them. ``write_all(each, folder)`` calls ``each(write)``, which calls
-``write(pair)`` with every pair. ``write_folders(folders, folder, context)`` reads the folders of the pairs by itself.
-If it has a function ``check()``, this returns a sentence on why it cannot write here, or an empty text.
+An export has one of three functions. ``write_pair(pair, folder)`` writes a pair into a folder; the optional
+``finish(names, folder)`` then writes the files about all pairs. ``write_all(each, folder)`` calls ``each(write)``,
+which calls ``write(pair)`` with every pair. ``write_folders(folders, folder, context)`` reads the folders of the pairs
+by itself. An optional ``check()`` returns a sentence on why the export cannot write here, or an empty text.
 
 Our exports receive a ``LoadedPair`` and the folder of the export. The others receive an ``ExportedPair`` and a
 temporary folder, whose files are moved into the folder of the export once all of them are written.
@@ -25,7 +25,7 @@ from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
 from .whole_folders import fill_whole_folder
 
-if TYPE_CHECKING:  # ground is exported without the packages that these need
+if TYPE_CHECKING:  # exports of ground lack the packages that these modules need
     from ..measure.prepare_pair import LoadedPair
     from .losses import Each, Loss
 
@@ -92,10 +92,10 @@ def make_exported_pair(pair: LoadedPair) -> ExportedPair:
 
 @dataclass(frozen=True)
 class FoldersContext:
-    """The arguments of ``write_folders`` beside the folders.
+    """Arguments of ``write_folders`` beside the folders.
 
     ``blender`` is the program that can build ground. ``warn`` receives a sentence on an omission. ``progress(title)``
-    is a context that gives a function for messages such as {"type": "progress", "fraction": 0.5, "message": "one"}.
+    is a context that yields a function for messages such as {"type": "progress", "fraction": 0.5, "message": "one"}.
     ``changes`` are the texts of ``--set``, and ``cell_m`` is for exports that take it.
     """
 
@@ -107,7 +107,7 @@ class FoldersContext:
 
 
 class PluginExport:
-    """An export. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
+    """An export plug-in. Raises IcyMoonError if it cannot be loaded or is not complete."""
 
     def __init__(self, plugin: Plugin) -> None:
         self.plugin, self._loaded = plugin, load_plugin(plugin)
@@ -121,7 +121,7 @@ class PluginExport:
         return callable(getattr(self._loaded, function, None))
 
     def check(self) -> None:
-        """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot write here."""
+        """Raise IcyMoonError with the sentence of the plug-in's own ``check`` if it cannot write here."""
         with explain_failures(self.plugin):
             fault = self._loaded.check() if self._has_function("check") else ""
         if fault:
@@ -129,7 +129,7 @@ class PluginExport:
             raise IcyMoonError(where + show_controls(str(fault)))
 
     def write(self, each: Each, out: Path) -> None:
-        """Write the pairs that ``each`` gives to ``out``. Raises IcyMoonError if the plug-in cannot."""
+        """Write the pairs that ``each`` gives to ``out``. Raises IcyMoonError if the plug-in fails."""
         self.check()
         if self.writes_all:
             if self.plugin.built_in:
@@ -150,13 +150,14 @@ class PluginExport:
             self.finish(names, out)
 
     def write_all(self, each: Callable[[Callable[[Any], Any]], None], out: Path) -> None:
-        """Let a plug-in with this function write the pairs that ``each`` gives."""
+        """Write the pairs that ``each`` gives by the plug-in's own ``write_all``."""
         with self._open_target_folder(out) as folder:
             self._loaded.write_all(each, folder)
 
     def write_pair(self, pair: ExportedPair | LoadedPair, name: str, out: Path) -> Sequence[Loss] | None:
-        """Write a pair to the folder ``name`` in ``out``; return the losses of a built-in export. Raises IcyMoonError
-        if the plug-in fails or writes nothing.
+        """Write a pair to the folder ``name`` in ``out``; return the losses of a built-in export.
+
+        Raises IcyMoonError if the plug-in fails or writes nothing.
         """
         with fill_whole_folder(out / name) as folder:
             with explain_failures(self.plugin):
@@ -168,20 +169,20 @@ class PluginExport:
         return losses if self.plugin.built_in else None
 
     def finish(self, names: list[str], out: Path) -> None:
-        """Let the plug-in write the files about all pairs, if it has any, into ``out`` itself."""
+        """Have the plug-in write the files about all pairs, if it has any, into ``out`` itself."""
         if self.finishes:
             with self._open_target_folder(out) as folder:
                 self._loaded.finish(names, folder)
 
     def write_folders(self, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-        """Write pairs from their folders. Raises IcyMoonError if the plug-in cannot."""
+        """Write pairs from their folders. Raises IcyMoonError if the plug-in fails."""
         self.check()
         with self._open_target_folder(out) as folder:
             self._loaded.write_folders(folders, folder, context)
 
     @contextmanager
     def _open_target_folder(self, out: Path) -> Iterator[Path]:
-        """The folder that a built-in export gets, or a temporary folder whose files are moved there."""
+        """Yield the folder that a built-in export gets, or a temporary folder whose files are moved there."""
         if self.plugin.built_in:
             yield out
             return
@@ -189,7 +190,7 @@ class PluginExport:
             yield folder
 
     def _convert_pairs(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
-        """Read the pairs for a plug-in's own function of a pair."""
+        """Return a version of ``each`` that gives a plug-in's function an ``ExportedPair``."""
 
         def each_pair(write: Callable[[ExportedPair], Any]) -> None:
             def write_one(pair: LoadedPair) -> None:

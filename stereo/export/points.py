@@ -1,4 +1,4 @@
-"""The surface that a matcher measured, as a point cloud coloured by its error."""
+"""Writes the surface that a matcher measured as a point cloud coloured by its error."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _PLY_TYPES = {"f4": "float", "u1": "uchar"}
 def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
     """Write the measured points in world axes, metres, as binary PLY.
 
-    Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN where there is no true one.
-    ``size_m`` is the width of the pixels that a point stands for. A comment ``missing N`` gives the number of points
-    where nothing was measured, and ``map {...}`` the place on a map in JSON. The pair must have a ``find_left_pose``.
+    Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN without a true depth. ``size_m``
+    is the width of the pixels that a point stands for. A comment ``missing N`` gives the number of pixels with a true
+    but no measured depth, and ``map {...}`` the place on a map in JSON. The pair must have a ``find_left_pose``.
     """
     points = make_measured_points(prepared, disparity)
     properties = [f"property {_PLY_TYPES[_POINT_LAYOUT[name].str[1:]]} {name}" for name in _POINT_LAYOUT.names or ()]
@@ -59,7 +59,7 @@ def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
 
 
 def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
-    """The points as a structured array of _POINT_LAYOUT; see ``write_points``."""
+    """Make the measured points, a structured array of ``_POINT_LAYOUT``; see ``write_points``."""
     camera = prepared.depth_camera
     pose = prepared.pair.row_poses("left")
     assert pose is not None
@@ -89,24 +89,26 @@ def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
 
 
 def count_missing_points(prepared: PreparedPair, disparity: Array) -> int:
-    """Number of pixels in ``make_measured_points``' grid that have a true depth and no measured one."""
+    """Count the pixels in the grid of ``make_measured_points`` that have a true depth but no measured one."""
     step = _choose_pixel_step(disparity)
     depth, truth = (values[::step, ::step] for values in (disparity_to_depth(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
 
 
 def _choose_pixel_step(disparity: Array) -> int:
-    """Step in rows and columns between the pixels that become points."""
+    """Choose the step, in rows and columns, between the pixels that become points."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MAX_POINTS))))
 
 
 def find_left_pose(prepared: PreparedPair) -> Array | None:
-    """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has none."""
+    """Return the matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has
+    none.
+    """
     return prepared.pair.rectified_pose("left")
 
 
 def add_points(images: dict[str, Any], out: Path, prepared: PreparedPair, disparity: Array) -> dict[str, Any]:
-    """The ``images`` of a row with its ``points``; these are written beside its disparity unless they are there."""
+    """Return the ``images`` of a row with its ``points``. Missing points are written beside the row's disparity."""
     if "points" in images:
         return images
     path = (out / images["disparity"]).with_suffix(".ply")

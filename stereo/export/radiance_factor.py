@@ -1,8 +1,8 @@
 """The exports ``fits`` and ``tiff``: the radiance factor I/F of both eyes, and incidence, emission and phase.
 
-I/F is π L / E, with the radiance L of a pixel and the Sun's irradiance E on a surface that faces it, in the same band;
-it is Hapke's RADF. Lambert ground of albedo A that faces the Sun has A. The light of the planet, if there is any, is in
-L too.
+I/F = π L / E, with the radiance L of a pixel and the Sun's irradiance E on a surface that faces it, in the same band;
+it is Hapke's RADF. Lambert ground of albedo A that faces the Sun has I/F = A. L contains the light of the planet, if
+there is any.
 """
 
 from __future__ import annotations
@@ -36,16 +36,18 @@ TITLES = {
 }
 #: Names of the bands of a pair, see ``physics.light.bands``.
 BAND_NAMES = ("R 620 nm", "G 550 nm", "B 460 nm")
-#: The directions between which the angles in the files lie, in words.
+#: Texts in the files that describe the angles.
 _FACET_ANGLE_TEXT = "from the facet's normal to the {}"
 _GEOMETRY_TEXT = "incidence and emission from the facet's normal, phase, deg"
 
 
 @dataclass(frozen=True)
 class Photometry:
-    """The photometry of an eye, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the
-    normal of the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without
-    normals. ``irradiance_wm2`` is E, the mean of the bands."""
+    """The photometry of an eye, arrays (H, W), NaN where there is no ground.
+
+    ``radiance_factor`` (H, W, 3) is of each band. The angles, deg, are between the normal of the facet, the Sun and the
+    camera; incidence and emission are NaN without normals. ``irradiance_wm2`` is E, the mean of the bands.
+    """
 
     irradiance_wm2: float
     radiance_factor: Array
@@ -55,8 +57,11 @@ class Photometry:
 
 
 def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
-    """The photometry of an eye. Raises IcyMoonError if the pair lacks the Sun or the camera's pose, if no sunlight
-    falls on it, or if its light is a lamp nearby."""
+    """Measure the photometry of an eye.
+
+    Raises IcyMoonError if the pair lacks the Sun or the camera's pose, if no sunlight falls on it, or if its light is a
+    lamp nearby.
+    """
     sun, pose = pair.pair.sun, pair.pair.row_poses(eye)
     if sun is None or pose is None:
         raise IcyMoonError(
@@ -96,7 +101,10 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
 
 
 def measure_angle_deg(one: Array, other: Array) -> Array:
-    """Degrees between vectors (..., 3) of any length. Cosines near 1 of rounded normals tell no angle."""
+    """Measure the angle, deg, between vectors (..., 3) of any length.
+
+    The arc tangent is used, because cosines near 1 of rounded normals tell no angle.
+    """
     first = one.astype(np.float64)
     return np.asarray(
         np.degrees(np.arctan2(np.linalg.norm(np.cross(first, other), axis=-1), (first * other).sum(axis=-1)))
@@ -104,8 +112,10 @@ def measure_angle_deg(one: Array, other: Array) -> Array:
 
 
 def _write_fits(pair: LoadedPair, folder: Path) -> None:
-    """Write ``left.fits`` and ``right.fits``: the radiance factor as a cube of three bands, then the
-    images INCIDENCE, EMISSION, PHASE (deg) and DEPTH (m)."""
+    """Write ``left.fits`` and ``right.fits``: a cube of the radiance factor in three bands, then four images.
+
+    The images are INCIDENCE, EMISSION, PHASE (deg) and DEPTH (m).
+    """
     camera = pair.pair.camera
     for eye in EYES:
         found = measure_photometry(pair, eye)
@@ -131,8 +141,10 @@ def _write_fits(pair: LoadedPair, folder: Path) -> None:
 
 
 def _write_tiff(pair: LoadedPair, folder: Path) -> None:
-    """Write ``left_radiance_factor.tif`` (bands R, G, B), ``left_geometry.tif`` (incidence, emission,
-    phase in degrees) and the same of the right eye: 32-bit floats, NaN where there is no ground."""
+    """Write ``left_radiance_factor.tif``, ``left_geometry.tif`` and the same of the right eye.
+
+    The bands are R, G, B, and incidence, emission, phase in degrees: 32-bit floats, NaN where there is no ground.
+    """
     for eye in EYES:
         found = measure_photometry(pair, eye)
         angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)

@@ -24,7 +24,7 @@ from ..images.views import read_sensor_depth, read_sensor_truth
 from ..measure.prepare_pair import LoadedPair
 
 TITLES = {"raw": "Raw: images of the sensors, not rectified, and the calibration that rectifies them"}
-#: Formats of calibrations that are written where they hold both calibrated eyes, and the names of their files.
+#: Formats of calibrations that are written if they can hold both calibrated eyes, and the names of their files.
 _FORMATS = {
     "opencv": ("opencv.yaml",),
     "mrcal": ("left.cameramodel", "right.cameramodel"),
@@ -33,14 +33,16 @@ _FORMATS = {
 
 
 def write_pair(pair: LoadedPair, folder: Path) -> None:
-    """Write ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres
-    along the axis of the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml``
-    and ``extrinsics.yml`` in the format of OpenCV's stereo programs.
+    """Write the images of both sensors, their depth and their calibration.
 
-    The image of a colour sensor is its mosaic, by ``sensor.bayer_pattern``. Single exposures that were merged are not
-    written. Of calibrated eyes also ``hidden_left.npy`` (bool, from the other eye) and ``normal_left.npy`` are written
-    if the pair has them, and ``rectification_left.npz`` with ``map_x`` and ``map_y`` for OpenCV's ``remap``; their
-    calibration is in ``opencv.yaml``, ``.cameramodel`` and ``.cahvor`` files, those that hold both lenses.
+    The files are ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres along the axis of
+    the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml`` and
+    ``extrinsics.yml`` in the format of OpenCV's stereo programs. The image of a colour sensor is its mosaic, by
+    ``sensor.bayer_pattern``. Single exposures that were merged are not written.
+
+    Calibrated eyes have no .yml files, but ``rectification_left.npz`` with ``map_x`` and ``map_y`` for OpenCV's
+    ``remap`` and, if the pair has them, ``hidden_left.npy`` (bool, from the other eye) and ``normal_left.npy``. Their
+    calibration is in ``opencv.yaml``, ``.cameramodel`` and ``.cahvor`` files, as far as these can hold both lenses.
     """
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
@@ -78,8 +80,10 @@ def _write_alike(pair: LoadedPair, folder: Path) -> dict[str, Any]:
 
 
 def _write_calibrated(pair: LoadedPair, folder: Path) -> dict[str, Any]:
-    """Write the calibration of calibrated eyes, the maps that rectify their images and the truth besides depth, and
-    return its entries in ``calibration.json``."""
+    """Write the calibration of calibrated eyes, the maps that rectify their images, and their truth besides depth.
+
+    Return the entries in ``calibration.json``.
+    """
     camera, rig = pair.pair.camera, pair.settings.rig
     for eye in EYES:
         lens = make_lens(camera, rig, eye)
@@ -111,7 +115,8 @@ def _write_calibrated(pair: LoadedPair, folder: Path) -> dict[str, Any]:
 
 
 def make_opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, Array]:
-    """The calibration under the names of OpenCV's stereo programs, lengths in metres, pixels counted from centres.
+    """Return the calibration under the names of OpenCV's stereo programs, lengths in metres, pixels counted from
+    centres.
 
     M, D: matrix and distortion of each eye; x2 = R x1 + T; E, F: essential and fundamental matrix; R1, R2, P1, P2, Q:
     rectification to the parallel rig, to which the truth of the other exports belongs.

@@ -1,7 +1,7 @@
 """The export ``ros2``: a bag of ROS 2 with images, camera infos, true disparity, true points and poses of all pairs.
 
-Written by the package rosbags, without ROS. Frames of a sequence have their stamps, and come in the order of time;
-another pair k has the time k s. Both camera infos are in the frame of the left camera's optics (x right, y down, z
+The package rosbags writes it, without ROS. Frames of a sequence have their stamps, and come in the order of time; any
+other pair k has the time k s. Both camera infos are in the frame of the left camera's optics (x right, y down, z
 forward), as stereo_image_proc expects.
 """
 
@@ -35,11 +35,11 @@ _NS_PER_S, _MAX_SECONDS = 1_000_000_000, 2**31
 
 
 def write_all(each: Each, out: Path) -> None:
-    """Write the bag ``<out>/pairs`` (MCAP): ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, the same of the
-    right eye, of a colour sensor ``/stereo/left/image_rect_color`` too, ``/stereo/disparity``, ``/stereo/points2`` and
-    ``/tf``.
+    """Write the bag ``<out>/pairs`` (MCAP). Raises IcyMoonError if there is a bag already.
 
-    Raises IcyMoonError if there is a bag already.
+    Its topics are ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, for a colour sensor also
+    ``/stereo/left/image_rect_color``, the same of the right eye, ``/stereo/disparity``, ``/stereo/points2`` and
+    ``/tf``.
     """
     with open_bag(out / "pairs") as (add, types):
         count = 0
@@ -55,7 +55,7 @@ def write_all(each: Each, out: Path) -> None:
 
 
 def _find_time_ns(pair: LoadedPair, count: int) -> int:
-    """Nanoseconds of the pair that follows ``count`` other pairs. Raises IcyMoonError for a time outside ROS' range."""
+    """Find the time, ns, of the pair that follows ``count`` other pairs. Raises IcyMoonError if ROS cannot hold it."""
     stamp = pair.settings.rig.stamp
     time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
     if not 0 <= time < _MAX_SECONDS * _NS_PER_S:
@@ -67,7 +67,10 @@ def _find_time_ns(pair: LoadedPair, count: int) -> int:
 
 
 def make_messages(pair: LoadedPair, types: Any, time: int) -> Iterator[tuple[str, Any]]:
-    """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags, ``time`` in nanoseconds."""
+    """Yield (topic, message) of everything about a pair.
+
+    ``types`` is a typestore of rosbags, ``time`` is in nanoseconds.
+    """
     refuse_row_poses(pair)
     kinds = types.types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _NS_PER_S, nanosec=time % _NS_PER_S)
@@ -106,7 +109,7 @@ def _make_image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> o
 
 
 def _make_camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -> object:
-    # The principal point is counted from the centre of the first pixel there.
+    # ROS counts the principal point from the centre of the first pixel.
     matrix = make_centred_matrix(camera)
     shift = -camera.focal_baseline_px_m * EYES.index(eye)
     return kinds["sensor_msgs/msg/CameraInfo"](
@@ -131,7 +134,7 @@ def _make_region(kinds: Kinds, height: int, width: int) -> object:
 
 
 def _make_disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
-    """The true disparity of the left pixels, NaN for none."""
+    """Make the message of the true disparity of the left pixels, NaN for none."""
     camera = pair.pair.camera
     disparity = camera.disparity(pair.depth["left"])
     known = np.isfinite(disparity)
@@ -149,7 +152,7 @@ def _make_disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
 
 
 def _make_point_cloud(pair: LoadedPair, kinds: Kinds, header: object) -> object:
-    """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
+    """Make an organised cloud of the true points of the left pixels, in the left camera's axes, NaN for none."""
     camera, depth = pair.pair.camera, pair.depth["left"]
     points = (make_pixel_rays(camera) * depth[..., None]).astype("<f4")
     fields = [
@@ -170,7 +173,7 @@ def _make_point_cloud(pair: LoadedPair, kinds: Kinds, header: object) -> object:
 
 
 def _make_transforms(pair: LoadedPair, kinds: Kinds, header: Callable[[str], object]) -> object:
-    """The poses of both cameras on the map: east, north, up, in metres."""
+    """Make the message with the poses of both cameras on the map: east, north, up, in metres."""
     found = []
     for eye in EYES:
         pose = read_pose(pair, eye)

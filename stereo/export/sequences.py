@@ -1,14 +1,15 @@
-"""Exporting sequences: frames with their true poses and stamps, and the optical flow between them.
+"""Exports sequences: frames with their true poses and stamps, and the optical flow between them.
 
 * ``tum``: as the RGB-D benchmark of TUM, ``<sequence>/rgb/STAMP.png``, ``depth/STAMP.png`` (5000 steps per metre),
   their lists ``rgb.txt`` and ``depth.txt``, and ``groundtruth.txt``; the right eye's images are in ``right``.
 * ``kitti-odometry``: as KITTI's odometry, ``sequences/00/image_2/000000.png``, ``image_3``, ``calib.txt``,
   ``times.txt`` and ``poses/00.txt``, from the axes of each left camera to the axes of the first.
-* ``flow``: the flow of the left eye to the next frame (``forward``) and to the one before (``backward``), in
-  Middlebury's .flo and KITTI's 16-bit PNG, of all points (``_occ``) and of those that the other frame shows (``_noc``).
+* ``flow``: the flow of the left eye to the next frame (``forward``) and to the previous one (``backward``), in
+  Middlebury's .flo and KITTI's 16-bit PNG, of all points (``_occ``) and of points that the other frame shows
+  (``_noc``).
 
-Pairs come in the order of time, see ``measure.sequences``; those of one scene are a sequence. TUM's poses are in the
-axes of the site, east, north and up.
+Pairs come in the order of time, see ``measure.sequences``; the pairs of one scene are a sequence. TUM's poses are in
+the axes of the site, east, north and up.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _TUM_STEPS_PER_M = 5000.0
 
 @dataclass
 class _Sequence:
-    """The frames of a sequence so far: its number, and one line per frame for each list file."""
+    """Frames of a sequence so far: its number, and one line per frame for each list file."""
 
     number: int
     lines: dict[str, list[str]] = field(default_factory=dict)
@@ -56,19 +57,22 @@ class _Sequence:
     last: LoadedPair | None = None
 
     def add(self, pair: LoadedPair, **lines: str) -> None:
-        """Note a frame that was written."""
+        """Note a written frame."""
         for name, line in lines.items():
             self.lines.setdefault(name, []).append(line)
         self.frames.append((f"{len(self.frames):06d}", pair.settings.rig.stamp, escape_cell(pair.pair.folder.name)))
         self.shutters.append(pair.pair.rolling_shutter)
 
     def text(self, name: str, head: str = "") -> str:
-        """The lines of a list."""
+        """Return the text of a list file."""
         return head + "".join(f"{line}\n" for line in self.lines.get(name, ()))
 
     def write_frames(self, path: Path) -> None:
-        """Write the number, the stamp and the pair of each frame; if any has a rolling shutter, also its readout time
-        and motion (see ``rolling_shutter.POSE_OF_ROW``)."""
+        """Write the number, the stamp and the pair of each frame.
+
+        If any frame has a rolling shutter, its readout time and motion are written too (see
+        ``rolling_shutter.POSE_OF_ROW``).
+        """
         heads = ("number", "stamp_s", "pair")
         rows = [heads, *self.frames]
         if any(self.shutters):
@@ -83,7 +87,7 @@ _SHUTTER_COLUMNS = ("readout_s", "vx_m_s", "vy_m_s", "vz_m_s", "wx_deg_s", "wy_d
 
 
 def _list_shutter(shutter: RollingShutter | None) -> tuple[str, ...]:
-    """The values of ``_SHUTTER_COLUMNS``; zeros for a frame whose rows have one pose."""
+    """List the values of ``_SHUTTER_COLUMNS``; zeros for a frame whose rows have one pose."""
     if shutter is None:
         return ("0.0",) * len(_SHUTTER_COLUMNS)
     values = [shutter.readout_s, *shutter.velocity_m_s, *shutter.turn_deg_s]
@@ -91,13 +95,13 @@ def _list_shutter(shutter: RollingShutter | None) -> tuple[str, ...]:
 
 
 class _Sequences:
-    """The sequences whose frames are the pairs of an export."""
+    """Sequences whose frames are the pairs of an export."""
 
     def __init__(self) -> None:
         self.known: dict[str, _Sequence] = {}
 
     def of(self, pair: LoadedPair) -> _Sequence:
-        """The sequence of a pair. Raises IcyMoonError for a pair outside any sequence."""
+        """Return the sequence of a pair. Raises IcyMoonError for a pair outside any sequence."""
         key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(
@@ -187,7 +191,7 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
 
 
 def _write_flow(each: Each, out: Path) -> None:
-    """Two frames are in memory at a time."""
+    """Write the flow between neighbouring frames of each sequence, with two frames in memory at a time."""
     sequences = _Sequences()
 
     def write(pair: LoadedPair) -> list[Loss]:
@@ -211,7 +215,7 @@ def _write_flow(each: Each, out: Path) -> None:
 
 
 def compute_flow_between(here: LoadedPair, there: LoadedPair) -> Flow:
-    """The flow of the left rectified eye from a pair to another with the same camera."""
+    """Compute the flow of the left rectified eye from a pair to another with the same camera."""
     return find_flow(
         here.pair.camera,
         here.depth["left"],

@@ -1,6 +1,7 @@
-"""The exports ``webdataset`` and ``sceneflow``: lean copies for training, split by scene, with a data card.
+"""The exports ``webdataset`` and ``sceneflow``: compact copies for training, split by scene, with a data card.
 
-Images and disparities are the developed ones of the pairs. Variations during training need no copy, see ``torch_data``.
+They contain the developed images and the disparities of the pairs. Variations during training need no copy, see
+``torch_data``.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ TITLES = {
     "webdataset": "WebDataset: tar shards for training, split by scene, with a data card",
     "sceneflow": "SceneFlow: the layout of FlyingThings3D, for training",
 }
-#: Bytes of a shard, which ends with the pair that exceeds them.
+#: Least bytes of a complete shard. It ends with the pair that exceeds them.
 MIN_SHARD_BYTES = 1_000_000_000
-#: Unknown disparity in SceneFlow's layout, px: loaders reject 512 px and more. NaN and infinity would spread when they
-#: scale the map.
+#: Unknown disparity in SceneFlow's layout, px. Loaders reject 512 px and more. NaN and infinity would spread when
+#: loaders scale the map.
 UNKNOWN_DISPARITY_PX = 1e5
 #: Words that loaders replace in whole paths to find the other files of a pair.
 _REPLACED_WORDS = ("left", "right", "disparity", "frames_cleanpass", "frames_finalpass", ".png")
@@ -106,12 +107,12 @@ _CROISSANT_CONTEXT = {
 
 @dataclass
 class _Index:
-    """The pairs that were written, for the index, the data card and Croissant."""
+    """Written pairs, for the index, the data card and Croissant."""
 
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, pair: LoadedPair, split: str, shard: str) -> None:
-        """Add a pair in a split and a file."""
+        """Add a pair with its split and its file."""
         row = describe_row(pair, split)
         self.rows.append({"shard": shard, **{key: "" if value is None else value for key, value in row.items()}})
 
@@ -125,7 +126,7 @@ class _Index:
 
 
 def describe_row(pair: LoadedPair, split: str) -> dict[str, Any]:
-    """A pair's row of an index, by the names of its columns."""
+    """Describe a pair by a row of an index, with the names of its columns."""
     depth, camera = pair.depth["left"], pair.pair.camera
     known = np.isfinite(depth)
     occluded = known & ~pair.visible["left"]
@@ -145,16 +146,16 @@ def describe_row(pair: LoadedPair, split: str) -> dict[str, Any]:
 
 
 def _sun_elevation_deg(pair: LoadedPair) -> float | None:
-    """Height of the Sun that lit the images, from any source; None if the pair lacks it."""
+    """Return the elevation of the Sun that lit the images, from any source; None if the pair lacks it."""
     return None if pair.pair.sun is None else round(pair.pair.sun.elevation_deg, 4)
 
 
 def _write_webdataset(each: Each, out: Path) -> None:
     """Write shards ``train-000000.tar`` and so on, ``index.csv``, ``README.md`` and ``croissant.json``.
 
-    Of each pair, by its id: ``left.png``, ``right.png`` (16-bit), ``disparity.png`` (16-bit, 256 steps per px, 0 is
-    unknown), ``visible.png`` (255 where both eyes see the point) and ``camera.json``. A scene is in one split. Raises
-    IcyMoonError if there are shards already.
+    A shard has for each pair, by its id, ``left.png``, ``right.png`` (16-bit), ``disparity.png`` (16-bit, 256 steps per
+    px, 0 is unknown), ``visible.png`` (255 where both eyes see the point) and ``camera.json``. A scene is in one split.
+    Raises IcyMoonError if there are shards already.
     """
     if any(out.glob("*.tar")):
         raise IcyMoonError(
@@ -194,7 +195,7 @@ def _write_webdataset(each: Each, out: Path) -> None:
 
 
 def _encode_pair_files(pair: LoadedPair, steps: Array) -> dict[str, bytes]:
-    """The files of a pair in a shard, by their suffix; ``steps`` are its disparities."""
+    """Encode the files of a pair in a shard, by their suffix; ``steps`` are its disparities."""
     top = 2.0**pair.images.bits - 1
     found = {}
     for eye in EYES:
@@ -232,7 +233,7 @@ class _Shards:
                 ),
             )
         name, part, archive = self._open[split]
-        with explain_disk_errors("write to", part):  # an archive that was torn cannot go on with the next pair
+        with explain_disk_errors("write to", part):  # a broken archive cannot take the next pair
             for suffix, content in files.items():
                 member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time: the same pairs give the same bytes
                 member.size = len(content)
@@ -256,7 +257,7 @@ class _Shards:
         self._open.clear()
 
     def close(self) -> list[str]:
-        """End all shards; their names."""
+        """Close all shards; return their names."""
         for split in list(self._open):
             self._finish_shard(split)
         return sorted(self._done)
@@ -265,10 +266,10 @@ class _Shards:
 def _write_sceneflow(each: Each, out: Path) -> None:
     """Write the layout of SceneFlow's FlyingThings3D, which loaders of stereo networks read unchanged.
 
-    ``<out>/FlyingThings3D/frames_finalpass/TRAIN/A/0000/left/0000.png`` and so on, the same in ``frames_cleanpass``,
-    ``disparity/TRAIN/A/0000/left/0000.pfm``, and ``<out>/flyingthings_validation.txt``, the disparities of TEST. A
-    folder such as ``0000`` is a scene. Images have 8 bits, unknown disparities are 1e5 px. Raises IcyMoonError if the
-    path of ``out`` has a word that loaders replace.
+    The files are ``<out>/FlyingThings3D/frames_finalpass/TRAIN/A/0000/left/0000.png`` and so on, the same in
+    ``frames_cleanpass``, ``disparity/TRAIN/A/0000/left/0000.pfm``, and ``<out>/flyingthings_validation.txt``, the
+    disparities of TEST. A folder such as ``0000`` is a scene. Images have 8 bits, unknown disparities are 1e5 px.
+    Raises IcyMoonError if the path of ``out`` has a word that loaders replace.
     """
     path = str(out.absolute())
     if word := next((word for word in _REPLACED_WORDS if word in path), ""):
@@ -323,7 +324,7 @@ def _write_eye(pair: LoadedPair, eye: str, out: Path, frame: str) -> None:
 
 
 def _make_data_card(index: _Index, layout: str, how: str) -> str:
-    """A data card: the content, origin and limits of the data."""
+    """Make a data card: the content, origin and limits of the data."""
     rows = index.rows
     splits = Counter(row["split"] for row in rows)
     scenes = {split: len({row["scene"] for row in rows if row["split"] == split}) for split in splits}
@@ -343,7 +344,7 @@ def _make_data_card(index: _Index, layout: str, how: str) -> str:
 
 
 def _make_croissant(out: Path, shards: list[str]) -> dict[str, Any]:
-    """Metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
+    """Make metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
     fields = [
         {
             "@type": "cr:Field",

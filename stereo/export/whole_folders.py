@@ -1,4 +1,4 @@
-"""Folders of exports, published atomically."""
+"""Folders of exports, in which no incomplete file appears."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from ...support.system import flush, remove_folder, replace
 
 @contextmanager
 def fill_whole_folder(target: Path) -> Iterator[Path]:
-    """Yield a folder to fill, and move its files to ``target`` once all are written, so that no incomplete file appears
-    there.
+    """Yield a folder to fill, and move its files to ``target`` once all are written.
 
-    The folder is beside ``target``.
+    The folder is beside ``target``. So no incomplete file appears in ``target``.
     """
     part = make_part_path(target)
     with explain_disk_errors("write", target):

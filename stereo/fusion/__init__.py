@@ -1,1 +1,1 @@
-"""Stereo and the sparse range points of a LiDAR in one disparity map."""
+"""Fuses stereo and the sparse range points of a LiDAR to one disparity map."""

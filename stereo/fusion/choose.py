@@ -1,18 +1,18 @@
-"""The choice between stereo and an interpolation of range points, pixel by pixel.
+"""Chooses between stereo and an interpolation of range points, pixel by pixel.
 
 The points count as the truth. Stereo's error at a point is its difference from the point. The interpolation's error is
-the difference of its prediction from the other points, see ``Interpolation.predict_left_out``. From both errors follow,
-in each place:
+the difference of its prediction from the other points, see ``Interpolation.predict_left_out``. Both errors give, in
+each place:
 
 * the share of stereo's disparities that are wrong. Where a matcher rejects many disparities, it also accepts many wrong
   ones. So the share begins with the rejected share of the surroundings, and the points correct its level, nearby and as
   a whole;
 * the scale of the interpolation's errors, which have Student's law with 3 degrees of freedom.
 
-Where the two differ much, one is wrong. Bayes' rule gives the probability of an error above 1 px of each, and the one
+Where the two differ much, one is wrong. Bayes' rule gives the probability of an error above 1 px for each, and the one
 with the smaller probability is taken. Where stereo is taken and the two agree, their mean is better than either.
-Finally the same choice is made at each point without that point, with a weaker or stronger preference for stereo;
-another preference is used if its errors there are surely fewer.
+Finally the same choice is made at each point without that point, with a weaker or stronger preference for stereo.
+Another preference is used if it surely has fewer errors there.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from ...support.arrays import Array
 from .interpolate import Interpolation
 from .range_points import RangePoints
 
-#: A larger error, px, is wrong, as in bad-1.
+#: Error, px, above which a disparity is wrong, as in bad-1.
 _WRONG_PX = 1.0
-#: Share of wrong disparities where stereo rejects nothing, its increase per rejected share, and the side of the square
-#: in which rejected pixels are counted, px.
+#: Share of wrong disparities where stereo rejects nothing, its increase per rejected share, and the side, px, of the
+#: square in which rejected pixels are counted.
 _MIN_WRONG, _WRONG_PER_REJECTED, _SQUARE_PX = 0.03, 0.5, 15
 #: Weights of the image's means beside the points nearby: wrong disparities, and points for errors of the interpolation.
 _WEIGHT_WRONG, _WEIGHT_POINTS = 1.0, 4.0
-#: Usual error of stereo where it is not wrong, px, and the weight of this in points.
+#: Usual error, px, of stereo's right disparities, and the weight of this value in points.
 _USUAL_STEREO_PX, _WEIGHT_STEREO = 0.3, 4.0
-#: Size of wrong disparities' errors as a share of the range of disparities, and the weight of this in wrong points.
+#: Size of wrong disparities' errors as a share of the range of disparities, and this value's weight in wrong points.
 _WRONG_SIZE, _WEIGHT_WRONG_SIZE = 0.25, 2.0
-#: The scale of Student's law over the geometric mean of errors, and the smallest error that counts in this mean, px.
+#: Ratio of the scale of Student's law to the geometric mean of errors, and the least error, px, in this mean.
 _SCALE_PER_MEAN, _MIN_ERROR_PX = 1.2, 0.1
 #: Beyond this multiple of the local distance between points, the scale of errors grows with the distance from the
 #: nearest point, and a preference found at the points does not apply.
 _FAR = 2.0
 #: Stereo and the interpolation are averaged if they differ by at most this, px.
 _AGREES_PX = 2.0
-#: Preferences for stereo, as a difference of two probabilities; the first is used unless another is better by
-#: ``_SURE`` standard errors with ``_DOUBTED`` more points in doubt: three of three points may be chance.
+#: Preferences for stereo, as a difference of two probabilities. The first is used unless another is better by ``_SURE``
+#: standard errors with ``_DOUBTED`` more points in doubt, because three of three points may be chance.
 _PREFERENCES = (0.0, -1.0, -0.5, -0.2, -0.1, -0.03, 0.03, 0.1, 0.2, 0.5, 1.0)
 _SURE, _DOUBTED = 1.5, 4.0
 #: With this factor, the tail of the logistic law approximates the normal law's within 0.01.
@@ -55,7 +55,7 @@ _LOGISTIC = 1.702
 
 @dataclass(frozen=True)
 class _Beliefs:
-    """The expected errors of both sources: numbers, or fields of one shape."""
+    """Expected errors of both sources: numbers, or fields of one shape."""
 
     wrong: Array  # share of stereo's disparities that are wrong
     scale_px: Array  # of the interpolation's errors
@@ -63,8 +63,10 @@ class _Beliefs:
     wrong_px: float  # scale of its errors where it is wrong
 
     def compare(self, difference: Array) -> Array:
-        """The probability that stereo is wrong minus the probability that the interpolation is, where they differ by
-        ``difference`` px."""
+        """Return the probability that stereo is wrong minus the probability that the interpolation is wrong.
+
+        ``difference`` is their difference, px.
+        """
         right = (1 - self.wrong) * _student_density(difference, self.scale_px)
         failed = self.wrong * _student_density(difference, np.hypot(self.scale_px, self.wrong_px))
         sound = right / (right + failed)
@@ -76,7 +78,7 @@ class _Beliefs:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """The errors of both sources at points (n,), in px; NaN where stereo has no disparity."""
+    """Errors of both sources at points (n,), in px; NaN where stereo has no disparity."""
 
     stereo: Array
     left_out: Array
@@ -86,23 +88,28 @@ class _Evidence:
 
     @property
     def has(self) -> Array:
-        """Where stereo has a disparity."""
+        """The points (n,), bool, at which stereo has a disparity."""
         return np.isfinite(self.stereo)
 
     @property
     def limit_px(self) -> Array:
-        """Difference from its range point, px, above which a disparity is wrong; the point's noise may cause smaller
-        ones."""
+        """Difference from its range point, px, above which a disparity is wrong.
+
+        The point's noise may cause smaller differences.
+        """
         return np.hypot(_WRONG_PX, 2 * self.noise_px)
 
     @property
     def wrong(self) -> Array:
-        """Where stereo is wrong, as 0 and 1; 0 without a disparity."""
+        """1 where stereo is wrong, else 0; 0 without a disparity."""
         return np.where(self.has, np.abs(self.stereo) > self.limit_px, False).astype(np.float64)
 
 
 def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Array, points: RangePoints) -> Array:
-    """Disparities (H, W) of ``stereo``, which has NaN, of the interpolation's ``expected`` ones, or means of both."""
+    """Return disparities (H, W), px: from ``stereo``, from the interpolation (``expected``), or means of both.
+
+    ``stereo`` is NaN where it has none.
+    """
     there = np.isfinite(stereo)
     if not there.any():
         return expected
@@ -110,7 +117,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
     prior = _MIN_WRONG + _WRONG_PER_REJECTED * (1 - kept)
     evidence = _gather(stereo, prior, interpolation, points)
     span = max(16.0, float(np.ptp(stereo[there])))
-    level, scale = _spread(evidence, interpolation, span, True)
+    level, scale = _estimate_errors(evidence, interpolation, span, True)
     stereo_px, wrong_px = _measure_stereo(evidence, span)
 
     def fill(values: Array) -> Array:
@@ -119,7 +126,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
     far = _find_distance(points, stereo.shape) / (_FAR * fill(interpolation.find_spacing().clip(1.0)))
     beliefs = _Beliefs((prior * fill(level)).clip(1e-3, 0.98), fill(scale) * far.clip(1.0), stereo_px, wrong_px)
     worse = beliefs.compare(np.where(there, np.abs(stereo - expected), 0.0))
-    level, scale = _spread(evidence, interpolation, span, False)
+    level, scale = _estimate_errors(evidence, interpolation, span, False)
     without = _Beliefs((evidence.rejected * level).clip(1e-3, 0.98), scale, stereo_px, wrong_px)
     found = _find_preference(evidence, without.compare(np.nan_to_num(evidence.between)))
     preference = np.where(far <= 1, found, _PREFERENCES[0])
@@ -129,7 +136,7 @@ def choose_disparity(stereo: Array, interpolation: Interpolation, expected: Arra
 
 
 def _find_distance(points: RangePoints, shape: tuple[int, ...]) -> Array:
-    """The distance (H, W), px, from the nearest point."""
+    """Return the distance (H, W), px, of each pixel from the nearest point."""
     free = np.ones(shape, np.uint8)
     free[np.rint(points.row).astype(int), np.rint(points.column).astype(int)] = 0
     found = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64)
@@ -145,9 +152,14 @@ def _gather(stereo: Array, prior: Array, interpolation: Interpolation, points: R
     )
 
 
-def _spread(evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool) -> tuple[Array, Array]:
-    """Return two values at each point, from its neighbours' errors and with ``own`` also its own error: stereo's wrong
-    disparities over their expected number, and the scale of the interpolation's errors in px."""
+def _estimate_errors(
+    evidence: _Evidence, interpolation: Interpolation, span_px: float, own: bool
+) -> tuple[Array, Array]:
+    """Estimate two values at each point, from its neighbours' errors and with ``own`` also its own error.
+
+    They are the ratio of stereo's wrong disparities to their expected number, and the scale, px, of the interpolation's
+    errors.
+    """
     wrong, due = evidence.wrong, evidence.rejected * evidence.has
     level = (wrong.sum() + _WEIGHT_WRONG) / (due.sum() + _WEIGHT_WRONG)
     near = interpolation.add_neighbours(wrong, own), interpolation.add_neighbours(due, own)
@@ -172,7 +184,9 @@ def _measure_stereo(evidence: _Evidence, span_px: float) -> tuple[float, float]:
 
 
 def _find_preference(evidence: _Evidence, worse: Array) -> float:
-    """The preference with the fewest errors at the points, if they are surely fewer than with the first preference."""
+    """Find the preference with the fewest errors at the points, if they are surely fewer than with the first
+    preference.
+    """
     stereo = ~evidence.has | (evidence.wrong > 0)
     interpolated = np.abs(evidence.left_out) > evidence.limit_px
     wrong = np.array(
@@ -185,7 +199,7 @@ def _find_preference(evidence: _Evidence, worse: Array) -> float:
 
 
 def _student_density(value: Array, scale: Array) -> Array:
-    """Student's density with 3 degrees of freedom."""
+    """Return the density of Student's t distribution with 3 degrees of freedom and this scale."""
     return np.asarray(2 / (math.pi * math.sqrt(3) * scale) / (1 + (value / scale) ** 2 / 3) ** 2)
 
 

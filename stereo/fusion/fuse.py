@@ -1,4 +1,4 @@
-"""Run a method on two images: a matcher, range points, or both."""
+"""Runs a method on two images: a matcher, range points, or both."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def match_method(
 ) -> tuple[Array, dict[str, Any]]:
     """Return a method's disparity, float32 (H, W) px, NaN where invalid, and the ``info`` of ``match_checked``.
 
-    Range points are samples of the ``truth`` (H, W), planar metres, of a ``pair``, or its scan; ``camera`` is the one
-    by which disparities become depths. Raises IcyMoonError as ``match_checked`` and ``range_points`` do.
+    Range points are samples of the ``truth`` (H, W), planar metres, of a ``pair``, or its scan. ``camera`` converts
+    disparities to depths. Raises IcyMoonError as ``match_checked`` and ``range_points`` do.
     """
     info: dict[str, Any]
     if method.lidar is None:
@@ -79,7 +79,7 @@ def _match_guided(
     expected: Array,
     random: np.random.Generator,
 ) -> tuple[Array, dict[str, Any]]:
-    """Run the matcher, guided by range points as the option ``guide`` asks; return disparity and ``info``."""
+    """Run the matcher, guided by range points as the option ``guide`` states; return disparity and ``info``."""
     assert method.lidar is not None
     guide, options = method.lidar["guide"], dict(method.options)
     if guide == PAINT:
@@ -96,7 +96,7 @@ def _match_guided(
     span = SearchRange(0, STEP_PX * -(-(2 * margin + 1) // STEP_PX) - 1, STATED)
     options |= {key: AUTO for key in _RANGE_OPTIONS if key in options}
     moved = move_right(right, expected, margin)
-    # A disparity of 0 is a match here, at the edge of the range, but ``match_checked`` counts it as none.
+    # A disparity of 0 is a match here, at the edge of the range, but ``match_checked`` counts it as invalid.
     disparity, _, info = match_checked(method.name, left, moved, options, camera, {AUTO: span})
     return restore_disparity(disparity, expected, margin), info | {"search": None}
 
@@ -108,8 +108,9 @@ def _join(rule: str, stereo: Array, interpolation: Interpolation, expected: Arra
 
 
 def list_lidar_inputs(method: Method, pair: str) -> list[Any]:
-    """The inputs of the range points of a pair besides the pair itself: their options, and the size and time of its
-    scan."""
+    """List the inputs of a pair's range points besides the pair itself: their options, and the size and time of its
+    scan.
+    """
     if method.lidar is None:
         return []
     scan = Path(method.lidar["returns"]) / pair / "lidar.npz"

@@ -1,7 +1,7 @@
 """A search near an expected disparity, for any matcher that has a search range.
 
-The right image is moved by the expected disparity of each pixel, and the matcher finds the remaining disparity.
-OpenCV's costs cannot be changed from outside; this changes the image instead.
+The right image is moved by the expected disparity of each pixel, and the matcher finds the remaining disparity. This
+changes the image, because OpenCV's costs cannot be changed from outside.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from ...support.arrays import Array
 
 
 def move_right(right: Array, expected: Array, margin_px: int) -> Array:
-    """Warp the right image (H, W) or (H, W, 3) to uint8 such that the match of a left pixel with the ``expected``
-    disparity is ``margin_px`` columns to its left."""
+    """Move the right image (H, W) or (H, W, 3) to uint8 by the ``expected`` disparity of each left pixel.
+
+    The match of a left pixel with exactly this disparity is then ``margin_px`` columns to its left.
+    """
     rows, columns = np.indices(expected.shape)
     beside = np.clip(columns + margin_px, 0, expected.shape[1] - 1)
     place = np.clip(columns + margin_px - expected[rows, beside], 0, expected.shape[1] - 1)
@@ -26,10 +28,10 @@ def move_right(right: Array, expected: Array, margin_px: int) -> Array:
 
 
 def restore_disparity(found: Array, expected: Array, margin_px: int) -> Array:
-    """Convert the disparity ``found`` in the moved right image to the left image's disparity (H, W), both in px; NaN
-    where the matcher has none.
+    """Convert the disparity ``found`` in the moved right image to the left image's disparity (H, W), both in px.
 
-    A left pixel u that matches the column x of the moved image sees the right column x + margin - expected(x + margin).
+    NaN where the matcher has none. A left pixel u that matches the column x of the moved image sees the right column x
+    + margin - expected(x + margin).
     """
     rows, columns = np.indices(expected.shape)
     place = np.clip(columns - np.nan_to_num(found) + margin_px, 0, expected.shape[1] - 1)

@@ -1,7 +1,7 @@
-"""Disparities between sparse points: linear on Delaunay's triangles, and the prediction of each point from its
-neighbours.
+"""Interpolates disparities between sparse points: linearly on Delaunay's triangles.
 
-A plane in space is a plane in disparity over the image, so all of this is exact on planes.
+It also predicts each point from its neighbours. A plane in space is a plane in disparity over the image, so both are
+exact on planes.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from ...support.errors import IcyMoonError
 
 #: Columns are divided by this in fits, so that their numbers are near 1.
 _SCALE_PX = 100.0
-#: Points are moved by up to this, so that no three of them, which often are centres of pixels, lie on one line.
+#: Largest shift of a point. Points are often centres of pixels; after the shift no three of them lie on one line.
 _MOVED_PX = 1e-4
-#: Triangles that are less wide are left out.
+#: Least width of a triangle; narrower ones are left out.
 _FLAT_PX = 1e-2
-#: Shares of a triangle below which a place counts as outside of it.
+#: Share of a triangle's corner below which a place counts as outside the triangle.
 _INSIDE = -1e-9
-#: Most neighbours that a point is tried against; any further ones, on rings of many points, are the farthest.
+#: Most neighbours from which a point is predicted. Of more neighbours, the farthest are left out.
 _MAX_NEIGHBOURS = 14
 
 
 def interpolate(column: Array, row: Array, disparity: Array) -> Interpolation:
-    """The interpolation of disparities (n,), px, at columns and rows (n,), px from the centre of the first pixel.
+    """Interpolate disparities (n,), px, at columns and rows (n,), px from the centre of the first pixel.
 
     Raises IcyMoonError for fewer than 3 points, and for points on one line.
     """
@@ -62,11 +62,11 @@ class Interpolation:
 
     @cached_property
     def triangulation(self) -> Any:
-        """Delaunay's triangles."""
+        """Delaunay's triangles of the points."""
         from matplotlib.tri import Triangulation  # imported here, because few runs need it
 
         found = Triangulation(self.column, self.row)
-        # Along a border of points in a row, triangles have no width; a place there is beside the other triangles.
+        # Triangles along a straight border of points have no width, so a place there counts as beside all triangles.
         x, y = self.column[found.triangles], self.row[found.triangles]
         longest = np.hypot(x - np.roll(x, 1, axis=1), y - np.roll(y, 1, axis=1)).max(axis=1)
         double = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
@@ -74,19 +74,22 @@ class Interpolation:
         return found
 
     def with_values(self, values: Array) -> Interpolation:
-        """The interpolation of other values (n,) at the same points, by the same triangles."""
+        """Return the interpolation of other values (n,) at the same points, by the same triangles."""
         other = replace(self, disparity=values)
         other.__dict__["triangulation"] = self.triangulation  # what cached_property would find
         return other
 
     @cached_property
     def _plane(self) -> tuple[Array, Array]:
-        """The least-squares plane (3,) of all points, and the inverse (3, 3) of its normal equations."""
+        """Least-squares plane (3,) of all points, and the inverse (3, 3) of its normal equations."""
         return _fit_plane(_design(self.column, self.row), self.disparity)
 
     def fill(self, shape: tuple[int, ...]) -> Array:
-        """Disparities (H, W): linear on each triangle. Outside of all triangles they are the least-squares plane of all
-        points, plus the difference from that plane at the nearest place on the edge of the triangles."""
+        """Return the disparities (H, W), px: linear on each triangle.
+
+        Outside of all triangles, they are the least-squares plane of all points, plus the difference from this plane at
+        the nearest place on the edge of the triangles.
+        """
         rows, columns = np.indices(shape[:2], dtype=np.float64)
         where = self.triangulation.get_trifinder()(columns, rows)
         slope = _fit_triangles(self.triangulation.triangles, self.column, self.row, self.disparity)
@@ -116,14 +119,16 @@ class Interpolation:
         return _follow_plane(plane, _design(column, row)) + value
 
     def add_neighbours(self, values: Array, own: bool) -> Array:
-        """Sums (n,) of values (n,) over the neighbours of each point, and with ``own`` the point itself."""
+        """Return the sums (n,) of values (n,) over the neighbours of each point, and with ``own`` the point itself."""
         total = values.copy() if own else np.zeros_like(values)
         for one, other in (self.triangulation.edges.T, self.triangulation.edges.T[::-1]):
             np.add.at(total, one, values[other])
         return total
 
     def find_spacing(self) -> Array:
-        """Mean distance (n,), px, of each point and its neighbours from their nearest neighbours."""
+        """Return for each point (n,) the distance, px, to the nearest neighbour, averaged over the point and its
+        neighbours.
+        """
         one, other = self.triangulation.edges.T
         length = np.hypot(self.column[one] - self.column[other], self.row[one] - self.row[other])
         nearest = np.full(len(self.column), np.inf)
@@ -133,10 +138,11 @@ class Interpolation:
         return self.add_neighbours(nearest, True) / self.add_neighbours(np.ones_like(nearest), True)
 
     def predict_left_out(self) -> Array:
-        """Disparities (n,) at the points, each interpolated as if it was missing.
+        """Predict the disparities (n,) at the points, each interpolated as if the point was missing.
 
         Delaunay's triangles without a point are the same, except in the hole that it leaves, and the corners of the
-        hole are its neighbours. So the triangle around it is one of three neighbours whose circle contains no other.
+        hole are its neighbours. So the triangle around the point has three neighbours as corners, and its circle
+        contains no other.
         """
         found = np.full(len(self.column), np.nan)
         for chosen, neighbours in self._group_by_neighbours():
@@ -155,7 +161,10 @@ class Interpolation:
         return [both[ends[k] : ends[k + 1], 1] for k in range(len(self.column))]
 
     def _group_by_neighbours(self) -> Iterator[tuple[Array, Array]]:
-        """Points (g,) that have the same number of neighbours, and these (g, k)."""
+        """Group points by their number of neighbours k.
+
+        Yield for each group the points' indices (g,), and their neighbours' indices (g, k), the nearest first.
+        """
         listed = [
             near[np.argsort(np.hypot(self.column[near] - self.column[k], self.row[near] - self.row[k]), kind="stable")][
                 :_MAX_NEIGHBOURS
@@ -168,7 +177,10 @@ class Interpolation:
             yield chosen, np.array([listed[each] for each in chosen])
 
     def _predict_from(self, chosen: Array, neighbours: Array) -> Array:
-        """Disparities (g,), NaN for points outside of all triangles of their neighbours (g, k)."""
+        """Predict disparities (g,) from neighbours (g, k).
+
+        NaN for points outside of all triangles of their neighbours.
+        """
         x = self.column[neighbours] - self.column[chosen, None]
         y = self.row[neighbours] - self.row[chosen, None]
         z = self.disparity[neighbours]
@@ -180,7 +192,7 @@ class Interpolation:
         return np.where(np.isfinite(radius[best]), found, np.nan)
 
     def _extend_left_out(self, chosen: Array) -> Array:
-        """Disparities of points on the edge of all triangles, by ``_extend`` without them."""
+        """Predict the disparities of points on the edge of all triangles, by ``_extend`` without them."""
         plane, inverse = self._plane
         design = _design(self.column, self.row)
         rest: Array = self.disparity - _follow_plane(plane, design)
@@ -209,22 +221,22 @@ def _design(column: Array, row: Array) -> Array:
 
 
 def _fit_plane(design: Array, values: Array) -> tuple[Array, Array]:
-    """Fit a least-squares plane (3,) to values (n,) with a ``design`` matrix (n, 3); return it and the inverse (3, 3)
-    of the normal matrix.
+    """Fit a least-squares plane (3,) to values (n,) with a ``design`` matrix (n, 3).
 
-    The products are summed row by row: with BLAS their last bits depend on where arrays lie in memory.
+    Return it and the inverse (3, 3) of the normal matrix. The products are summed row by row: with BLAS their last bits
+    depend on where arrays lie in memory.
     """
     inverse = np.linalg.pinv((design[:, :, None] * design[:, None, :]).sum(axis=0))
     return (inverse * (design * values[:, None]).sum(axis=0)).sum(axis=1), inverse
 
 
 def _follow_plane(plane: Array, design: Array) -> Array:
-    """The values (n,) of a plane (3,) for a ``design`` (n, 3)."""
+    """Evaluate a plane (3,) at the rows of a ``design`` matrix (n, 3). Returns the values (n,)."""
     return np.asarray(design[:, 0] * plane[0] + design[:, 1] * plane[1] + design[:, 2] * plane[2])
 
 
 def _fit_triangles(triangles: Array, column: Array, row: Array, disparity: Array) -> Array:
-    """The planes (t, 3) a, b, c of triangles, with a column + b row + c."""
+    """Return the plane (a, b, c) of each triangle, (t, 3): disparity = a column + b row + c."""
     x, y, z = column[triangles], row[triangles], disparity[triangles]
     dx, dy, dz = x[:, 1:] - x[:, :1], y[:, 1:] - y[:, :1], z[:, 1:] - z[:, :1]
     area = dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]
@@ -236,15 +248,21 @@ def _fit_triangles(triangles: Array, column: Array, row: Array, disparity: Array
 def _find_nearest_on_segment(
     column: Any, row: Any, from_column: Any, from_row: Any, to_column: Any, to_row: Any
 ) -> tuple[Array, Array]:
-    """Return, for the nearest point of a segment, its squared distance and its relative position along the segment."""
+    """Find the nearest point of a segment.
+
+    Return its squared distance, and its position along the segment from 0 to 1.
+    """
     dx, dy = to_column - from_column, to_row - from_row
     share = np.clip(((column - from_column) * dx + (row - from_row) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
     return (column - from_column - share * dx) ** 2 + (row - from_row - share * dy) ** 2, share
 
 
 def _solve_triangles(x: Array, y: Array, other_x: Array, other_y: Array) -> tuple[Array, Array]:
-    """The shares (g, t, 3) of the corners (g, t, 3) at the origin, and the squared radius (g, t) of the circle through
-    the corners; infinite if the circle contains one of the other points (g, k)."""
+    """Return the shares (g, t, 3) of the corners (g, t, 3) at the origin, and the squared radius (g, t) of the
+    circumcircle.
+
+    The radius is infinite if the circle contains one of the other points (g, k).
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         next_x, next_y, last_x, last_y = (np.roll(each, step, axis=2) for step in (-1, 1) for each in (x, y))
         area = (x[..., 1] - x[..., 0]) * (y[..., 2] - y[..., 0]) - (x[..., 2] - x[..., 0]) * (y[..., 1] - y[..., 0])

@@ -1,4 +1,4 @@
-"""Run a method on a prepared pair, and list what its result depends on."""
+"""Runs a method on a prepared pair, and lists the inputs that determine its result."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from .fuse import match_method
 
 
 def find_shared_disparity(prepared: PreparedPair) -> Array:
-    """The true disparities (H, W), px, of points that both eyes see; NaN elsewhere."""
+    """Return the true disparities (H, W), px, of points that both eyes see; NaN elsewhere."""
     return np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
 
 
 def find_search_ranges(prepared: PreparedPair) -> dict[str, SearchRange]:
-    """The search ranges that options may name."""
+    """Find the search ranges that options may name."""
     pair, shared = prepared.pair, find_shared_disparity(prepared)
     if isinstance(pair, Pair):
         return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
@@ -42,10 +42,10 @@ def find_search_ranges(prepared: PreparedPair) -> dict[str, SearchRange]:
 def match_prepared(
     method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]] | None = None
 ) -> tuple[Array, dict[str, Any]]:
-    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``.
+    """Return the disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as ``match_checked`` does.
 
-    ``ranges`` finds the search ranges, by default ``find_search_ranges``, which may make the ground of the pair; a
-    prediction needs none.
+    ``ranges`` finds the search ranges, by default ``find_search_ranges``, and may make the ground of the pair. A
+    prediction needs no ranges.
     """
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
@@ -55,8 +55,9 @@ def match_prepared(
 
 
 def list_method_inputs(method: Method) -> list[Any]:
-    """Everything besides the images that determines a method's disparity: its options, the files that they name, and
-    versions.
+    """List everything besides the images that determines a method's disparity.
+
+    These are its options, the files that they name, and versions.
     """
     files = {
         key: read_checksum(Path(value))

@@ -1,7 +1,7 @@
-"""Patterns painted into both images where range points are, so that any matcher finds these places.
+"""Patterns that are painted into both images at range points, so that any matcher finds these places.
 
 Bartolomei et al., *Active Stereo Without Pattern Projector* (arXiv 2309.12315): each point gets a patch of random grey
-in the left image and the same patch, moved by the point's disparity, in the right one.
+in the left image and the same patch, moved by the point's disparity, in the right image.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ PAINT_SHARE = 0.4
 
 
 def find_hidden(points: RangePoints, half_px: int) -> Array:
-    """Return boolean (n,): nearer points cover the point's patch in the right image, so the right eye may not see it.
+    """Find the points, bool (n,), whose patches nearer points cover in the right image.
 
-    A nearer point covers it if their patches overlap there, and not in the left image. Neighbours on one surface keep
-    their order, and their patches overlap in both.
+    The right eye may not see such a point. A nearer point covers it if their patches overlap in the right image, and
+    not in the left one. Neighbours on one surface keep their order, and their patches overlap in both.
     """
     order = np.argsort(points.row, kind="stable")
     row = points.row[order]
@@ -41,7 +41,7 @@ def find_hidden(points: RangePoints, half_px: int) -> Array:
 def paint_points(
     left: Array, right: Array, points: RangePoints, side_px: int, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Both images, uint8 (H, W) or (H, W, 3), with patches of ``side_px`` px.
+    """Paint patches of ``side_px`` px into copies of both images, uint8 (H, W) or (H, W, 3).
 
     A pixel of the right image lies between two columns of the pattern, and is a mixture of both. Near points are
     painted over far ones. Points that the right eye does not see are left out.
@@ -65,7 +65,7 @@ def paint_points(
 
 
 def _blend(image: Array, patch: Array, column: int, row: int) -> None:
-    """Mix a patch into an image in place; what lies beyond its borders is left out."""
+    """Mix a patch into an image in place; parts beyond its borders are left out."""
     top, left = max(row, 0), max(column, 0)
     bottom, right = min(row + patch.shape[0], image.shape[0]), min(column + patch.shape[1], image.shape[1])
     if top >= bottom or left >= right:

@@ -1,4 +1,4 @@
-"""Range points in the left image of a pair: samples of its true depth, or a scan by ``icymoon lidar``."""
+"""Makes range points in the left image of a pair: samples of its true depth, or a scan by ``icymoon lidar``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..export.lidar import read_facts, read_points
 FEWEST_POINTS = 3
 #: Median relative difference of depth above which a scan shows another ground than the pair.
 _OTHER_GROUND = 0.05
-#: Points nearer to each other than this, px, are one: the nearest to the camera stays.
+#: Distance, px, below which two points count as one; the nearer to the camera stays.
 _SAME_PX = 1e-3
 #: Most points of a scan that are read.
 _MAX_POINTS = 20_000_000
@@ -31,20 +31,23 @@ class SeenPair(Protocol):
 
     @property
     def name(self) -> str:
-        """The pair's name, from which the pattern of its points follows."""
+        """The pair's name, which seeds the pattern of its points."""
 
     @property
     def camera(self) -> StereoCamera:
         """The parallel rig of the pair."""
 
     def rectified_pose(self, eye: str) -> Array | None:
-        """The matrix (4, 4) from an eye, in OpenCV's axes, to the world; None if it is not known."""
+        """Return the matrix (4, 4) from an eye, in OpenCV's axes, to the world; None if it is unknown."""
 
 
 @dataclass(frozen=True)
 class PointErrors:
-    """The errors of range points: ``noise_m`` of each range (standard deviation), and a shift of all of them by
-    ``shift_px`` in the image, in a direction that follows from the seed."""
+    """Errors of range points.
+
+    ``noise_m`` is the standard deviation of each range, ``shift_px`` a shift of all points in the image. The seed
+    determines its direction.
+    """
 
     noise_m: float
     shift_px: float
@@ -52,8 +55,11 @@ class PointErrors:
 
 @dataclass(frozen=True)
 class RangePoints:
-    """Points at columns and rows (n,), px from the centre of the first pixel, with disparities (n,) in px and the
-    standard deviation (n,) of these by the noise of ranges."""
+    """Points in the left image.
+
+    Their columns and rows (n,) are in px from the centre of the first pixel, their disparities (n,) in px. ``noise_px``
+    (n,) is the standard deviation of the disparities by the noise of ranges.
+    """
 
     column: Array
     row: Array
@@ -64,8 +70,8 @@ class RangePoints:
 def sample_depth(truth: Array, camera: StereoCamera, count: int, random: np.random.Generator) -> Array:
     """Sample points (count, 3) of a true depth (H, W), in m in the axes of the left eye, x right, y down.
 
-    They lie at the centres of pixels, each pixel with a depth as likely as any other. The first points of a larger
-    ``count`` are those of a smaller one. Raises IcyMoonError if fewer pixels have a depth.
+    They lie at the centres of pixels; each pixel with a depth has the same probability. The first points of a larger
+    ``count`` are the points of a smaller one. Raises IcyMoonError if fewer pixels have a depth.
     """
     known = np.isfinite(truth)
     if known.sum() < count:
@@ -83,8 +89,8 @@ def sample_depth(truth: Array, camera: StereoCamera, count: int, random: np.rand
 def read_scan(folder: Path, pair: SeenPair, truth: Array) -> Array:
     """Read the scan of a pair, ``folder/NAME/lidar.npz``, as points (n, 3) in m in the axes of the left eye.
 
-    Raises IcyMoonError if there is no such scan, if the pair states no pose, or if none of the points, or other depths
-    than the true ones, lie in the left image.
+    Raises IcyMoonError if there is no such scan, if the pair states no pose, if no point lies in the left image, or if
+    the points' depths differ from the true ones.
     """
     path = folder / pair.name / "lidar.npz"
     if not path.is_file():
@@ -112,8 +118,11 @@ def read_scan(folder: Path, pair: SeenPair, truth: Array) -> Array:
 
 
 def _read_places(folder: Path) -> tuple[Array, Array]:
-    """Where the points (n, 3) of a scan in ``folder`` were measured, and where the surface is along the beam, NaN for a
-    false alarm, in m in the axes of the site."""
+    """Read the measured points (n, 3) of a scan, and the points of the surface along the same beams, NaN for a false
+    alarm.
+
+    Both are in m in the axes of the site.
+    """
     facts = read_facts(folder)
     position = np.array(facts["position_m"])
     measured, shares, count = [], [], 0
@@ -132,13 +141,15 @@ def _read_places(folder: Path) -> tuple[Array, Array]:
 
 
 def choose_points(points_m: Array, count: int, random: np.random.Generator) -> Array:
-    """``count`` of points (n, 3), or all of fewer, each as likely as any other. The first of a larger count are those
-    of a smaller one."""
+    """Choose ``count`` of points (n, 3), or all if there are fewer, with equal probabilities.
+
+    The first points of a larger count are the points of a smaller one.
+    """
     return np.asarray(points_m[random.permutation(len(points_m))[:count]])
 
 
 def _find_pixels(points_m: Array, camera: StereoCamera, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """Whether points (n, 3) lie in the image (H, W), and their columns and rows."""
+    """Return whether points (n, 3) lie in the image (H, W), and their columns and rows."""
     with np.errstate(divide="ignore", invalid="ignore"):
         column = points_m[:, 0] / points_m[:, 2] * camera.focal_px + camera.cx_px - 0.5
         row = points_m[:, 1] / points_m[:, 2] * camera.focal_px + camera.cy_px - 0.5
@@ -156,7 +167,7 @@ def project_points(
 ) -> RangePoints:
     """Project points (n, 3), m, in the axes of the left eye, to range points of a stereo camera with ``errors``.
 
-    Points that leave the image are left out, and so are the farther ones of several at one image position. Raises
+    Points outside the image are left out. Of several points at one image position, only the nearest stays. Raises
     IcyMoonError if fewer than ``FEWEST_POINTS`` are left.
     """
     angle = random.uniform(0, 2 * np.pi)
@@ -184,8 +195,10 @@ def project_points(
 def make_range_points(
     options: Mapping[str, Any], pair: SeenPair, truth: Array, camera: StereoCamera, random: np.random.Generator
 ) -> RangePoints:
-    """The range points of a pair, by complete options (``matchers.lidar_options``): samples of the ``truth`` (H, W),
-    planar metres, or its scan."""
+    """Make the range points of a pair by complete options (``matchers.lidar_options``).
+
+    They are samples of the ``truth`` (H, W), planar metres, or the pair's scan.
+    """
     if options["returns"]:
         places = choose_points(read_scan(Path(options["returns"]), pair, truth), options["points"], random)
     else:
@@ -195,8 +208,10 @@ def make_range_points(
 
 
 def mark_pixels(points: RangePoints, shape: tuple[int, ...]) -> Array:
-    """An image (H, W), float32, of the disparities in px of points, each at the nearest pixel; 0 where no point is. Of
-    several points the nearest to the camera counts."""
+    """Mark points in an image (H, W), float32: their disparities, px, at the nearest pixels, and 0 elsewhere.
+
+    Of several points at a pixel, the nearest to the camera counts.
+    """
     marked = np.zeros(shape, np.float32)
     place = np.rint(points.row).astype(int), np.rint(points.column).astype(int)
     np.maximum.at(marked, place, points.disparity.astype(np.float32))
@@ -204,5 +219,5 @@ def mark_pixels(points: RangePoints, shape: tuple[int, ...]) -> Array:
 
 
 def make_point_generator(seed: int, pair: str, *epoch: int) -> np.random.Generator:
-    """The random numbers of the range points of a pair, and of an epoch of training."""
+    """Make the random generator of the range points of a pair, and of an epoch of training."""
     return make_generator(seed, "range_points", int(hashlib.sha256(pair.encode()).hexdigest()[:8], 16), *epoch)

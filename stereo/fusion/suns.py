@@ -1,4 +1,4 @@
-"""Join the disparities of one view under several Suns, or of several images under one Sun."""
+"""Joins the disparities of one view under several Suns, or of several images under one Sun."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Distance from the median, px, within which a disparity agrees with it. It is chosen: matches err by a few tenths of a
-#: pixel, and a false match by many pixels.
+#: Distance from the median, px, within which a disparity agrees with it. It is a choice: right matches err by a few
+#: tenths of a pixel, and false matches by many pixels.
 AGREES_PX = 1.0
 #: Fewest disparities that must agree.
 FEWEST_AGREEING = 2
@@ -16,7 +16,7 @@ FEWEST_AGREEING = 2
 def join_disparities(disparities: Array) -> Array:
     """Join disparity maps (n, H, W) of one view into one (H, W), px: the mean of the values that agree with the median.
 
-    It is NaN where fewer than ``FEWEST_AGREEING`` agree; a single map is returned as it is. The median of an even
+    It is NaN where fewer than ``FEWEST_AGREEING`` agree; a single map is returned unchanged. The median of an even
     number is the lower of its middle two, so that two matches that contradict each other do not agree on a value
     between them.
     """

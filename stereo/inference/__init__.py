@@ -1,2 +1,4 @@
-"""Statistics over scenes: typical scenes, means and shares, with confidence intervals of the stated coverage. Works on
-arrays only."""
+"""Statistics over scenes: typical scenes, means and shares, with confidence intervals of the stated coverage.
+
+The modules work on arrays only.
+"""

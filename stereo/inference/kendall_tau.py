@@ -9,8 +9,9 @@ import numpy as np
 
 
 def compute_kendall_tau_b(one: Sequence[float], other: Sequence[float]) -> float:
-    """Kendall's tau-b of two lists: 1 in the same order, -1 in the opposite order; NaN if all numbers of a list are
-    equal.
+    """Return Kendall's tau-b of two lists: 1 in the same order, -1 in the opposite order.
+
+    NaN if all numbers of a list are equal.
     """
     signs = np.array(
         [(np.sign(one[i] - one[k]), np.sign(other[i] - other[k])) for i, k in combinations(range(len(one)), 2)]

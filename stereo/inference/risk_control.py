@@ -1,14 +1,15 @@
 """Thresholds of a score that keep a risk below a limit, from losses on calibration grounds. Works on arrays only.
 
-A ground has **one** loss from 0 to 1 at each threshold: its pairs, Suns, cells and pixels are not independent.
+A ground has **one** loss from 0 to 1 at each threshold, because its pairs, Suns, cells and pixels are not independent.
 Thresholds are fixed before the grounds are seen and go from the strictest to the most permissive.
 
-* **Learn-then-Test** (Angelopoulos et al. 2021, arXiv 2110.01052) tests "the risk is above alpha" at a threshold after
-  another, from the strictest, and stops at the first that cannot be rejected at delta. With the probability 1 - delta
-  over calibrations, the risk of the found threshold is at most alpha. The p-value is the exact binomial one for losses
-  of 0 or 1, and Hoeffding's and Bentkus's (Bates et al. 2021, arXiv 2101.02703) for shares.
+* **Learn-then-Test** (Angelopoulos et al. 2021, arXiv 2110.01052) tests "the risk is above alpha" at one threshold
+  after another, from the strictest, and stops at the first that cannot be rejected at delta. With the probability
+  1 - delta over calibrations, the risk of the found threshold is at most alpha. The p-value is the exact binomial one
+  for losses of 0 or 1, and Hoeffding's and Bentkus's (Bates et al. 2021, arXiv 2101.02703) for shares.
 * **Conformal risk control** (Angelopoulos et al. 2022, arXiv 2208.02814) is weaker: the risk is at most alpha on
-  average over calibrations. A third of them may exceed it. Its losses have to grow with permissiveness.
+  average over calibrations. A third of the calibrations may exceed it. Its losses must not fall towards permissive
+  thresholds.
 
 Both hold for grounds of the same kind as the calibration grounds, and for others not at all.
 """
@@ -24,9 +25,9 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
-#: Standard deviation of a normal distribution over its median absolute deviation.
+#: Ratio of the standard deviation of a normal distribution to its median absolute deviation.
 _DEVIATION_OF_MEDIAN = 1.4826
-#: The same over its mean absolute deviation.
+#: Ratio of the standard deviation of a normal distribution to its mean absolute deviation.
 _DEVIATION_OF_MEAN = math.sqrt(math.pi / 2)
 #: Rounding of sums of losses.
 _ROUNDING = 1e-9
@@ -34,7 +35,9 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Likeness:
-    """How a new ground compares with the calibration grounds: a p-value, and the feature that differs most."""
+    """Comparison of a new ground with the calibration grounds: a p-value, and the index of the feature that differs
+    most.
+    """
 
     p: float
     feature: int
@@ -42,7 +45,9 @@ class Likeness:
 
 @lru_cache(maxsize=4096)
 def compute_binomial_p(failing: int, grounds: int, alpha: float) -> float:
-    """The probability of at most ``failing`` failures of ``grounds`` if each fails with the probability ``alpha``."""
+    """Return the probability of at most ``failing`` failures of ``grounds`` if each fails with the probability
+    ``alpha``.
+    """
     if failing >= grounds:
         return 1.0
     terms = (
@@ -57,7 +62,7 @@ def compute_binomial_p(failing: int, grounds: int, alpha: float) -> float:
 
 
 def compute_share_p(mean: float, grounds: int, alpha: float) -> float:
-    """The p-value of Hoeffding and Bentkus for the mean of losses from 0 to 1, against a risk above ``alpha``."""
+    """Return the p-value of a mean of losses from 0 to 1 against a risk above ``alpha``, by Hoeffding and Bentkus."""
     low = min(mean, alpha)
     divergence = (low * math.log(low / alpha) if low > 0 else 0.0) + (1 - low) * math.log((1 - low) / (1 - alpha))
     failing = math.ceil(grounds * mean - _ROUNDING)
@@ -65,18 +70,21 @@ def compute_share_p(mean: float, grounds: int, alpha: float) -> float:
 
 
 def make_monotone(losses: Array) -> Array:
-    """The largest loss (grounds, thresholds) at this threshold or a stricter one: the share of unsafe cells among those
-    taken may fall where more are taken, and a test from the strictest threshold needs a loss that does not.
+    """Replace each loss (grounds, thresholds) by the largest loss at that threshold or a stricter one.
+
+    The share of unsafe cells can fall as a more permissive threshold accepts more cells, but a test from the strictest
+    threshold on needs a loss that never falls.
     """
     return np.asarray(np.maximum.accumulate(losses, axis=1))
 
 
 def find_confident_threshold(losses: Array, alpha: float, delta: float, shares: bool = False) -> int | None:
-    """Index of the most permissive threshold by Learn-then-Test; None if the strictest cannot be accepted.
+    """Return the index of the most permissive threshold by Learn-then-Test; None if the strictest cannot be accepted.
 
-    ``losses`` (grounds, thresholds) are from the strictest threshold on: 0 or 1, with the exact binomial test, or with
-    ``shares`` from 0 to 1, with the test of Hoeffding and Bentkus. The test is stated, because a test that is chosen by
-    the losses is not fixed before them. Raises IcyMoonError for other losses, and a risk or doubt beyond 0 and 1.
+    ``losses`` (grounds, thresholds) are from the strictest threshold on. They are 0 or 1, for the exact binomial test,
+    or with ``shares`` from 0 to 1, for the test of Hoeffding and Bentkus. The caller states the test, because it must
+    be fixed before the losses are known. Raises IcyMoonError for other losses, and for a risk or doubt not between 0
+    and 1.
     """
     _check_losses(losses, alpha, shares)
     if not 0 < delta < 1:
@@ -96,10 +104,11 @@ def find_confident_threshold(losses: Array, alpha: float, delta: float, shares: 
 
 
 def find_average_threshold(losses: Array, alpha: float) -> int | None:
-    """Index of the most permissive threshold by conformal risk control; None if the strictest cannot be accepted.
+    """Return the index of the most permissive threshold by conformal risk control; None if the strictest cannot be
+    accepted.
 
     ``losses`` (grounds, thresholds) from 0 to 1, from the strictest threshold on, are made monotone first. Raises
-    IcyMoonError for other losses, and a risk beyond 0 and 1.
+    IcyMoonError for other losses, and for a risk not between 0 and 1.
     """
     _check_losses(losses, alpha, shares=True)
     bounds = (make_monotone(losses).sum(axis=0) + 1) / (len(losses) + 1)
@@ -107,7 +116,7 @@ def find_average_threshold(losses: Array, alpha: float) -> int | None:
 
 
 def _check_losses(losses: Array, alpha: float, shares: bool) -> None:
-    """Raise IcyMoonError for a loss that is unknown or out of range: it would count as none."""
+    """Raise IcyMoonError if a loss is unknown or out of range. An unknown loss would count as no loss."""
     if not 0 < alpha < 1:
         raise IcyMoonError(f"The risk alpha is {alpha:g}; give a number between 0 and 1.")
     good = (losses >= 0) & (losses <= 1) if shares else (losses == 0) | (losses == 1)
@@ -119,7 +128,7 @@ def _check_losses(losses: Array, alpha: float, shares: bool) -> None:
 
 
 def count_fewest_grounds(alpha: float, delta: float, failing: int = 0) -> int:
-    """The fewest grounds from which Learn-then-Test accepts a threshold with this number of failing grounds."""
+    """Return the fewest grounds from which Learn-then-Test accepts a threshold with this number of failing grounds."""
     grounds = failing + 1
     while compute_binomial_p(failing, grounds, alpha) > delta:
         grounds += 1
@@ -127,12 +136,12 @@ def count_fewest_grounds(alpha: float, delta: float, failing: int = 0) -> int:
 
 
 def count_fewest_on_average(alpha: float, failing: int = 0) -> int:
-    """The fewest grounds from which conformal risk control accepts a threshold with this number of failing grounds."""
+    """Return the fewest grounds from which conformal risk control accepts a threshold with this number of failures."""
     return math.ceil((failing + 1) / alpha - 1 - _ROUNDING)
 
 
 def bound_risk(failing: int, grounds: int, delta: float) -> float:
-    """The largest risk that this number of failures does not reject at ``delta``: Clopper and Pearson (1934).
+    """Return the largest risk that this number of failures does not reject at ``delta``: Clopper and Pearson (1934).
 
     It describes a test on grounds that no calibration used.
     """
@@ -146,13 +155,13 @@ def bound_risk(failing: int, grounds: int, delta: float) -> float:
 
 
 def compare_with_grounds(features: Array, new: Array) -> Likeness:
-    """A conformal test of whether a ground is like the calibration grounds.
+    """Test by a conformal test whether a ground is like the calibration grounds.
 
     ``features`` (grounds, K) and ``new`` (K,) are numbers of each ground. The score of a ground is its largest distance
     from the median of a feature, in median absolute deviations, or in mean ones if more than half of the grounds have
     the median. Medians and deviations include the new ground, so that all grounds have equal parts and the p-value is
     exact: of like grounds, a share of at most p has a p-value of at most p. A small p shows that the ground differs. A
-    large p shows nothing: the ground may differ in a property that no feature measures.
+    large p shows nothing, because the ground may differ in a property that no feature measures.
     """
     pooled = np.concatenate([features, new[None]])
     middle = np.median(pooled, axis=0)

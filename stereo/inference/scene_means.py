@@ -2,12 +2,12 @@
 
 Scenes are independent. Pairs of one scene share its ground, so they are not independent, and pixels even less. A mean
 over pairs is a ratio of sums over scenes (Cochran 1977, section 6.3), so scenes may have different numbers of pairs.
-NaN is undefined.
+NaN means undefined.
 
 * **Shares** are bounded, so their intervals hold for any number of scenes. Scenes get random weights, uniform among all
-  that sum to 1, as in the Bayesian bootstrap (Rubin 1981), and one scene more is added, which is all 0 for the lower
-  bound and all 1 for the upper one. Where each scene is 0 or 1, these are the bounds of Clopper and Pearson (1934).
-* **Other means** can depend on a few large values that the scenes do not contain, so there is an interval only from
+  that sum to 1, as in the Bayesian bootstrap (Rubin 1981). One more scene is added, which is all 0 for the lower bound
+  and all 1 for the upper one. If each scene is 0 or 1, these are the bounds of Clopper and Pearson (1934).
+* **Other means** can depend on a few large values that the scenes do not contain. So there is an interval only from
   ``FEWEST_FOR_MEAN`` scenes on, by the bootstrap-t (Efron and Tibshirani 1993), and below ``FEWEST_EXACT`` it is
   approximate. For quantities that are never negative, the interval is for the logarithm of the mean.
 
@@ -26,9 +26,9 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 
 COVERAGE = 0.95
-#: Fewest scenes for an interval of a mean that is no share, and fewest for the stated coverage.
+#: Fewest scenes for an interval of a mean that is not a share, and fewest for the stated coverage.
 FEWEST_FOR_MEAN, FEWEST_EXACT = 20, 50
-#: Numbers of random weights of scenes for shares and of resamples for other means; most elements of both arrays; fewest
+#: Numbers of random weights (for shares) and of resamples (for other means), most elements of their arrays, and fewest
 #: draws.
 _WEIGHTS, _RESAMPLES, _MAX_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1000
 #: Relative error of a mean that counts as rounding.
@@ -36,16 +36,16 @@ _ROUNDING_SHARE = 1e-12
 
 
 def average_by_scene(values: Array, scenes: Array) -> Array:
-    """The mean (scenes, K) over the pairs of each scene, of each column of ``values`` (pairs, K); NaN is undefined.
+    """Return the mean (scenes, K) over the pairs of each scene, of each column of ``values`` (pairs, K).
 
-    ``scenes`` is a whole number per pair.
+    ``scenes`` is a whole number per pair. NaN means undefined.
     """
     sums, counts = _sum_by_scene(values, scenes)
     return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
 
 
 def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
-    """Lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
+    """Find the lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
 
     Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN with too few scenes: fewer than two for
     shares, fewer than ``FEWEST_FOR_MEAN`` for other means.
@@ -65,7 +65,7 @@ def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
 
 
 def find_simultaneous_intervals(values: Array, seed: int) -> Array:
-    """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), by the largest |t| of a
+    """Find bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), by the largest |t| of a
     resample.
 
     All of them hold simultaneously in about 95 % of data sets. NaN for columns with fewer than ``FEWEST_FOR_MEAN``
@@ -83,7 +83,7 @@ def find_simultaneous_intervals(values: Array, seed: int) -> Array:
 
 
 def _sum_by_scene(values: Array, scenes: Array) -> tuple[Array, Array]:
-    """Sums and numbers (scenes, K) of the defined values of each scene."""
+    """Return the sums and numbers (scenes, K) of the defined values of each scene."""
     label, scene = np.unique(scenes, return_inverse=True)
     defined = ~np.isnan(values)
     sums, counts = np.zeros((len(label), values.shape[1])), np.zeros((len(label), values.shape[1]))
@@ -98,13 +98,15 @@ def _choose_draw_count(most: int, scenes: int) -> int:
 
 @lru_cache(maxsize=1)
 def _draw_weights(scenes: int) -> Array:
-    """Random weights (draws, 1 + scenes), without division by their sum; the first is the weight of the added scene."""
+    """Draw random weights (draws, 1 + scenes), without division by their sum; the first is the weight of the added
+    scene.
+    """
     return make_generator(0, "statistics", 1).standard_exponential((_choose_draw_count(_WEIGHTS, scenes), 1 + scenes))
 
 
 @lru_cache(maxsize=1)
 def _draw_resamples(scenes: int, seed: int) -> Array:
-    """The number of times that each resample contains each scene (draws, scenes)."""
+    """Draw the number of times that each resample contains each scene (draws, scenes)."""
     random = make_generator(seed, "statistics", 2)
     return np.stack(
         [
@@ -130,7 +132,10 @@ def _bound_shares(sums: Array, counts: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Bootstrap:
-    """Means (K,), their standard errors, and |t| (resamples, K), of the logarithm if ``logarithmic``."""
+    """Means (K,), their standard errors, and |t| (resamples, K).
+
+    With ``logarithmic``, |t| is of the mean's logarithm.
+    """
 
     mean: Array
     error: Array
@@ -138,7 +143,7 @@ class _Bootstrap:
     logarithmic: bool
 
     def bounds(self, limit: Array) -> Array:
-        """Lower and upper bound (K, 2), ``limit`` (K,) standard errors below and above the mean."""
+        """Return the lower and upper bound (K, 2), ``limit`` (K,) standard errors below and above the mean."""
         half = np.where(self.error > 0, limit, 0.0) * self.error
         if not self.logarithmic:
             return np.stack([self.mean - half, self.mean + half], axis=1)
@@ -148,8 +153,9 @@ class _Bootstrap:
 
 
 def _make_bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _Bootstrap:
-    """The bootstrap-t of the ratios of ``sums`` to ``counts`` (scenes, K) over scenes, scaled to about 1, so that
-    rounding errors are alike.
+    """Make the bootstrap-t over scenes of the ratios of ``sums`` to ``counts`` (scenes, K).
+
+    Sums are scaled to about 1, so that all columns have similar rounding errors.
     """
     size = np.abs(sums).max(axis=0)
     sums = sums / np.where(size > 0, size, 1.0)
@@ -168,8 +174,10 @@ def _make_bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) 
 
 
 def _resample_ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
-    """The ratio of sums over scenes (resamples, K), with each scene as often as ``times`` (resamples, scenes) states,
-    and its standard error."""
+    """Return the ratio of sums over scenes (resamples, K), and its standard error.
+
+    ``times`` (resamples, scenes) states how often a resample contains each scene.
+    """
     told, alike = (counts > 0).sum(axis=0), bool((counts == counts[:1]).all())
     total, scenes = times @ sums, times.sum(axis=1, keepdims=True)
     number = scenes * counts[0] if alike else times @ counts
@@ -183,6 +191,6 @@ def _resample_ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, A
 
 
 def _find_quantile_of_resamples(t: Array) -> Array:
-    """The quantile COVERAGE of |t| (K,) over the resamples (resamples, K); missing values count as infinite."""
+    """Find the quantile COVERAGE of |t| (K,) over the resamples (resamples, K); missing values count as infinite."""
     ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
     return np.asarray(ascending[math.ceil(COVERAGE * len(t)) - 1])

@@ -3,11 +3,11 @@
 The typical difference is the pseudomedian of the scenes' differences, the median of the Walsh averages (Hodges and
 Lehmann 1963). Its tests are Wilcoxon's signed ranks. Whole scenes get random signs, the same for all comparisons, and
 an observed statistic is compared with the largest statistic of each flip (Westfall and Young 1993). The signs are those
-of the differences *from the typical one*, so all results shift with the differences, and errors are as rare where
-methods differ much. A verdict is that an interval does not contain zero. A step-down procedure after the largest
+of the differences *from the typical one*, so all results shift with the differences, and errors are equally rare where
+methods differ much. A verdict means that an interval does not contain zero. A step-down procedure after the largest
 difference would find a few more differences, but too many where methods are equal.
 
-No test or interval of a *mean* can hold for every distribution (Bahadur and Savage 1956), so none gives a verdict.
+No test or interval of a *mean* can hold for every distribution (Bahadur and Savage 1956), so a mean gives no verdict.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ...support.arrays import Array
 from .walsh_averages import WalshSums, round_to_grid
 
 #: Significance levels: the largest share of flips that may reach the statistic of a difference, for one comparison and
-#: for several. Both are less than the 5 % that the product states, because skewed differences have more errors, and the
-#: largest of several statistics has even more: see ``docs/theory/inference.md``.
+#: for several. Both are below the 5 % that the product states, because skewed differences have more errors, and the
+#: largest of several statistics has even more; see ``docs/theory/inference.md``.
 LIMIT_OF_ONE, LIMIT_OF_SEVERAL = 0.04, 0.028
-#: Most scenes for which all flips are made; with more, ``_FLIP_COUNT`` are drawn, with the observed signs among them.
+#: Most scenes for which all flips are made. With more scenes, ``_FLIP_COUNT`` flips are drawn.
 _MAX_EXACT_SCENES = 13
 _FLIP_COUNT = 5000
 _FLIPS_PER_STEP = 1000
-#: Scenes below which sums of ranks, and their halves, are exact in single precision.
+#: Number of scenes below which sums of ranks, and their halves, are exact in single precision.
 _MAX_SINGLE_PRECISION_SCENES = 4000
 #: Probability with which the difference ``ComparisonFamily.detectable`` is found.
 POWER = 0.8
@@ -44,12 +44,12 @@ _ROUNDING_SHARE = 1e-9
 
 @dataclass(frozen=True)
 class ComparisonFamily:
-    """The comparisons of one family, an array element per comparison.
+    """The comparisons of one family; arrays have one element per comparison.
 
-    ``typical`` is the typical difference; ``low`` and ``high`` are its bounds. All hold at once in at least 93 % of the
-    data sets of ``docs/theory/inference.md``. They and ``p``, which is adjusted for the family, are NaN without a
-    verdict, for which it takes ``needed`` scenes. ``detectable`` is the difference that would be found in ``POWER`` of
-    such data sets.
+    ``typical`` is the typical difference; ``low`` and ``high`` are its bounds. All bounds hold together in at least 93
+    % of the data sets of ``docs/theory/inference.md``. ``p`` is adjusted for the family. Bounds and ``p`` are NaN with
+    fewer than ``needed`` scenes, which a verdict takes. ``detectable`` is the difference that would be found in
+    ``POWER`` of such data sets.
     """
 
     scenes: Array
@@ -67,12 +67,12 @@ class ComparisonFamily:
 
 
 def find_limit(comparisons: int) -> float:
-    """The significance threshold: the largest adjusted p of a verdict in a family of this size."""
+    """Return the significance level of a family of this size: the largest adjusted p of a verdict."""
     return LIMIT_OF_ONE if comparisons <= 1 else LIMIT_OF_SEVERAL
 
 
 def count_scenes_needed(comparisons: int) -> int:
-    """The smallest number of scenes with which this number of comparisons can have a verdict.
+    """Return the smallest number of scenes with which this number of comparisons can have a verdict.
 
     With n scenes, two of 2^n choices of signs are as extreme as equal signs, and the signs may differ between
     comparisons. With fewer scenes no difference is large enough.
@@ -81,14 +81,14 @@ def count_scenes_needed(comparisons: int) -> int:
 
 
 def count_scenes_for_methods(methods: int) -> int:
-    """The smallest number of scenes with which this number of methods can have a verdict."""
+    """Return the smallest number of scenes with which this number of methods can have a verdict."""
     return count_scenes_needed(methods * (methods - 1) // 2)
 
 
 def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     """Find the columns of ``differences`` (scenes, comparisons) with a typical difference other than zero.
 
-    NaN is undefined. A column with fewer than ``needed`` scenes is outside the family. The same seed makes the same
+    NaN means undefined. A column with fewer than ``needed`` scenes is outside the family. The same seed makes the same
     flips.
     """
     columns = [_Differences(differences[~np.isnan(differences[:, k]), k]) for k in range(differences.shape[1])]
@@ -121,15 +121,15 @@ def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     return found
 
 
-def subtract(one: Array, other: Array, logarithmic: bool = False) -> Array:
-    """The differences of two arrays, or of their logarithms; exactly 0 if they differ only by rounding."""
+def find_differences(one: Array, other: Array, logarithmic: bool = False) -> Array:
+    """Return the differences of two arrays, or of their logarithms; exactly 0 where they differ only by rounding."""
     alike = np.abs(one - other) <= _ROUNDING_SHARE * np.maximum(np.abs(one), np.abs(other))
     apart = np.log(one) - np.log(other) if logarithmic else one - other
     return np.where(alike, 0.0, apart)
 
 
 class _Differences:
-    """The differences of one comparison, finite (n,)."""
+    """Differences of one comparison, finite (n,)."""
 
     def __init__(self, values: Array) -> None:
         ascending, self.unit = round_to_grid(values)
@@ -139,17 +139,17 @@ class _Differences:
 
     @property
     def norm(self) -> float:
-        """The standard deviation of the signed-rank statistic of this number of values with random signs."""
+        """Standard deviation of the signed-rank statistic of this number of values with random signs."""
         n = len(self.sums.values)
         return math.sqrt(n * (n + 1) * (2 * n + 1) / 6)
 
     @property
     def evidence(self) -> int:
-        """The signed-rank statistic of the side with more ranks; averages of zero count for the other side."""
+        """Signed-rank statistic of the side with more ranks; averages of zero count for the other side."""
         return self.sums.count - 2 * min(self.sums.count_up_to(0), self.sums.count - self.sums.count_up_to(-1))
 
     def bounds(self, limit: float) -> tuple[float, float]:
-        """The typical differences at which the signed-rank statistic is at most ``limit``."""
+        """Return the typical differences between which the signed-rank statistic is at most ``limit``."""
         outside = math.ceil((self.sums.count - limit) / 2 - 1e-6)
         if outside < 1:
             return -math.inf, math.inf
@@ -157,7 +157,7 @@ class _Differences:
 
 
 def _rank_centred_differences(differences: Array, columns: list[_Differences]) -> Array:
-    """The signed ranks (scenes, comparisons) of the differences from the typical one, 0 where undefined."""
+    """Return the signed ranks (scenes, comparisons) of the differences from the typical one, 0 where undefined."""
     units = np.array([column.unit for column in columns])
     known = ~np.isnan(differences)
     whole = np.rint(np.where(known, differences, 0.0) / units).astype(np.int64)
@@ -171,7 +171,7 @@ def _rank_centred_differences(differences: Array, columns: list[_Differences]) -
 
 
 def _flip_statistics(ranks: Array, seed: int) -> Array:
-    """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
+    """Compute the absolute statistics (flips, comparisons) of signed ranks with random signs of the scenes."""
     used, signs = (
         ranks.astype(np.float32 if len(ranks) < _MAX_SINGLE_PRECISION_SCENES else np.float64),
         _draw_signs(len(ranks), seed),
@@ -186,8 +186,11 @@ def _flip_statistics(ranks: Array, seed: int) -> Array:
 
 @lru_cache(maxsize=1)
 def _draw_signs(scenes: int, seed: int) -> Array:
-    """The signs of all flips, int8 (flips, scenes). The first scene keeps its sign, as the statistics do not change if
-    all signs do."""
+    """Draw the signs of all flips, int8 (flips, scenes).
+
+    With few scenes, these are all flips in which the first scene keeps its sign: the statistics do not change if all
+    signs do.
+    """
     if scenes <= _MAX_EXACT_SCENES:
         flipped = np.arange(2 ** max(0, scenes - 1))[:, None] >> np.arange(scenes)[::-1] & 1
     else:
@@ -196,15 +199,15 @@ def _draw_signs(scenes: int, seed: int) -> Array:
 
 
 def find_rank_ranges(better: Array) -> list[tuple[int, int]]:
-    """The best and the worst possible rank of each method, from a boolean (methods, methods): the row's method is
-    significantly better than the column's.
+    """Return the best and the worst possible rank of each method.
 
-    All these ranges hold at once as often as the intervals (Mogstad, Romano, Shaikh and Wilhelm 2024).
+    ``better`` (methods, methods), bool, states whether the row's method is significantly better than the column's. All
+    these ranges hold together as often as the intervals (Mogstad, Romano, Shaikh and Wilhelm 2024).
     """
     count = len(better)
     return [(1 + int(better[:, k].sum()), count - int(better[k].sum())) for k in range(count)]
 
 
 def list_method_pairs(count: int) -> list[tuple[int, int]]:
-    """The pairs of numbers of ``count`` methods that are compared."""
+    """List the pairs of indices of ``count`` methods that are compared."""
     return list(itertools.combinations(range(count), 2))

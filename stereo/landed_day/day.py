@@ -1,8 +1,8 @@
 """A landed day as an environment: a lander looks, chooses a site, digs, verifies and stops, by ``step``.
 
-The ground and the images are made by rays, so that a step takes seconds. The Sun moves as over the moon's site: a look
-under another Sun shows what shadows hid before, and looks are joined. Nothing that an observation contains depends on
-the truth; ``find_outcome`` compares with it.
+The ground and the images are ray-traced, so that a step takes seconds. The Sun moves as over the moon's site: a look
+under another Sun shows places that were in shadow before, and looks are joined. No observation depends on the truth;
+``find_outcome`` compares with it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from ..decisions.workspace import DecisionMaps, Workspace, decide_from_depth, ma
 from ..design.default_lander import RAYS_PER_PIXEL
 from ..design.made_workspaces import match_disparity, measure_true_heights, prepare_made_pair
 from ..fusion.suns import join_disparities
-from ..learning.grounds import Ground, Recipe, build_ground, close_ground, make_split_generator
+from ..learning.grounds import Ground, Recipe, build_ground, make_split_generator, release_ground
 from ..learning.radiance import Lighting
 from ..matchers.methods import Method
 from ..matchers.search_range import refuse_true_range
@@ -48,11 +48,11 @@ IDLE_W = 20.0
 #: How a day can end.
 SAMPLED, UNSAFE, ABSTAINED, MISSED = "sampled", "unsafe", "abstained", "missed"
 ENDS = (SAMPLED, UNSAFE, ABSTAINED, MISSED)
-#: Least share of the volume of all bites that counts as a sample, an assumption.
+#: Assumed least share of the volume of all bites that counts as a sample.
 SAMPLE_SHARE = 0.5
 #: Least elevation of the Sun in degrees for a look.
 MIN_SUN_DEG = 3.0
-#: Sky light over the Sun's, as irradiance of level ground: ground beyond the horizon of the rays.
+#: Ratio of sky light to sunlight, as irradiance of level ground. It stands for ground beyond the horizon of the rays.
 _SKY_SHARE = 0.01
 _MS_PER_HOUR = 3_600_000
 #: Hours within which the next morning is looked for: more than a day of Europa.
@@ -66,9 +66,10 @@ class Observation:
     ``left`` and ``right`` are the images of the last look, uint8 (H, W), None before. ``margin`` (rows, columns) is the
     suitability of each cell of ``grid`` from all looks joined, from 0 to 1, below 0 where a rule fails. ``best`` is the
     row and column of the site that the rules would choose, None without one, and ``best_margin`` its margin. ``chosen``
-    is the chosen site, and ``last_look_h`` the time of the last look. ``verified`` is whether the ground was looked at
-    since the last bite, and ``removed_m3`` the volume that was measured then, None if too little of the trench is seen.
-    ``done`` is whether the day is over, and ``out_of_energy`` whether its last step needed more energy than was left.
+    is the chosen site, and ``last_look_h`` the time of the last look. ``verified`` states whether the lander has looked
+    at the ground since the last bite. ``removed_m3`` is the volume that it then measured, None if too little of the
+    trench is visible. ``done`` states whether the day is over, and ``out_of_energy`` whether its last step needed more
+    energy than was left.
     """
 
     step: int
@@ -91,13 +92,13 @@ class Observation:
     out_of_energy: bool = False
 
     def to_json(self) -> dict[str, Any]:
-        """The numbers, without images and maps."""
+        """Return the numbers, without images and maps."""
         left_out = ("left", "right", "grid", "margin")
         return {key: value for key, value in self.__dict__.items() if key not in left_out}
 
 
 def _check_lander(lander: Settings) -> None:
-    """Raise IcyMoonError for settings that a landed day cannot use."""
+    """Raise IcyMoonError if a landed day cannot use the settings."""
     scoop = lander.excavation
     if lander.light.directions_from == "ANGLES":
         raise IcyMoonError(
@@ -117,8 +118,10 @@ def _check_lander(lander: Settings) -> None:
 
 
 def _read_hours(action: str, hours: object) -> float:
-    """The hours of a step. Raises IcyMoonError for an unknown step, and for hours that are invalid or not for this
-    step."""
+    """Read the hours of a step.
+
+    Raises IcyMoonError for an unknown step, for hours that are invalid, and for a step that takes no hours.
+    """
     if action not in ACTIONS:
         raise IcyMoonError(f"There is no step {action!r}; choose one of {', '.join(ACTIONS)}.")
     if not isinstance(hours, int | float):
@@ -131,7 +134,7 @@ def _read_hours(action: str, hours: object) -> float:
 
 
 def _read_site(action: str, site: Any) -> tuple[int, int] | None:
-    """The row and column of a site. Raises IcyMoonError for anything else."""
+    """Read the row and column of a site. Raises IcyMoonError for anything else."""
     if site is None:
         return None
     if action != CHOOSE:
@@ -145,11 +148,11 @@ def _read_site(action: str, site: Any) -> tuple[int, int] | None:
 
 @dataclass(eq=False)
 class LandedDay:
-    """A day of a lander on a ground by rays, from a morning on.
+    """A day of a lander on ray-traced ground, from a morning on.
 
-    ``lander`` are complete settings, of which the camera, the sensor, the workspace, the scoop (``excavation``) and the
-    light count. ``method`` matches the images. ``most_energy_wh`` is the energy in Wh that the lander may spend.
-    Everything follows from the recipe, the settings and the steps: equal steps give equal observations, to the bit.
+    ``lander`` are complete settings; only the camera, the sensor, the workspace, the scoop (``excavation``) and the
+    light are used. ``method`` matches the images. ``most_energy_wh`` is the energy in Wh that the lander may spend. The
+    recipe, the settings and the steps determine everything: equal steps give equal observations, to the bit.
 
     Raises IcyMoonError for a Sun without a date, a scoop that cannot dig, no energy, and a method that needs the truth.
     """
@@ -176,12 +179,12 @@ class LandedDay:
 
     @property
     def observation(self) -> Observation:
-        """The present knowledge of the lander."""
+        """Present knowledge of the lander."""
         return self._seen
 
     def close(self) -> None:
         """Free the memory of the ground."""
-        close_ground(self._untouched)
+        release_ground(self._untouched)
 
     def __enter__(self) -> Self:
         return self
@@ -190,11 +193,11 @@ class LandedDay:
         self.close()
 
     def step(self, action: str, hours: float = 0.0, site: tuple[int, int] | None = None) -> Observation:
-        """Do one of ``ACTIONS`` and return the lander's knowledge then.
+        """Do one of ``ACTIONS`` and return the lander's knowledge after it.
 
-        ``hours`` is how long a ``wait`` lasts. ``site`` is the row and column that ``choose`` takes, by default
-        ``best``; other steps take neither. A step that needs more energy than is left is not done, and ends the day.
-        Raises IcyMoonError for a step that cannot be done now; nothing has changed then.
+        ``hours`` is the duration of a ``wait``. ``site`` is the row and column for ``choose``, by default ``best``.
+        Other steps take neither. A step that needs more energy than is left is not done, and ends the day. Raises
+        IcyMoonError if a step cannot be done now; then nothing has changed.
         """
         hours, site = _read_hours(action, hours), _read_site(action, site)
         self._check_step(action, site)
@@ -224,9 +227,11 @@ class LandedDay:
         return self._verify(seen) if action == VERIFY else seen
 
     def find_outcome(self) -> dict[str, Any]:
-        """The day in truth, with the numbers of the last observation. ``end`` is one of ``ENDS``: MISSED if a site was
-        dug but less than ``SAMPLE_SHARE`` of the volume of all bites came out. ``dangerous`` is whether it was dug
-        where a limit is missed by more than its tolerance. ``true_removed_m3`` is the volume from the trench.
+        """Return the day's outcome in truth, with the numbers of the last observation.
+
+        ``end`` is one of ``ENDS``; MISSED means that a site was dug, but less than ``SAMPLE_SHARE`` of the volume of
+        all bites came out. ``dangerous`` states whether it was dug where a limit is missed by more than its tolerance.
+        ``true_removed_m3`` is the volume that left the trench.
         """
         seen, removed = self._seen, 0.0
         if not seen.bites or seen.chosen is None or self._workspace is None or self._series is None:
@@ -286,7 +291,7 @@ class LandedDay:
         return compute_sky(self.lander.light | {"date_utc": format_date(date)})
 
     def _photograph(self, ground: Ground, seen: Observation) -> PreparedPair:
-        """A pair of images of a step; each step has other noise."""
+        """Make a pair of images of a step. Each step has other noise."""
         recipe, sky = self.recipe, self._find_sky(seen.hours)
         random = make_split_generator(recipe.seed, recipe.split, recipe.number, 5, seen.step)
         light = Lighting(
@@ -323,7 +328,7 @@ class LandedDay:
         )
 
     def _choose(self, seen: Observation, site: tuple[int, int] | None) -> Observation:
-        """Choose a site; the trench lies around its middle."""
+        """Choose a site, and place the trench around its middle."""
         chosen = seen.best if site is None else site
         assert chosen is not None
         assert seen.grid is not None
@@ -347,7 +352,7 @@ class LandedDay:
         try:
             prepared = self._photograph(ground, seen)
         finally:
-            close_ground(ground)
+            release_ground(ground)
         depth = disparity_to_depth(prepared, match_disparity(prepared, self.method)[0])
         after = decide_from_depth(replace(self._workspace, prepared=prepared), depth).dem
         grid = after.grid

@@ -1,4 +1,4 @@
-"""Ground by rays that a scoop digs: a patch of fine triangles in place of the ground's own ones."""
+"""Ray-traced ground that a scoop digs: a patch of fine triangles replaces the ground's own triangles."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ...support.arrays import Array
 from ..design.made_workspaces import look_down, open_bare_ground
 from ..learning.grounds import GROUND, Ground, make_shading_tables
 
-#: Width, in metres, of the border of the patch on which nothing is dug. The ground's own triangles, which are up to
-#: 4 cm wide within 3 m of the lander, overlap the patch there.
+#: Width, in metres, of the border of the patch on which nothing is dug. The ground's own triangles, up to 4 cm wide
+#: within 3 m of the lander, overlap the patch there.
 _BORDER_M = 0.06
 
 
 def open_series(ground: Ground, settings: Settings, seed: int) -> ExcavationSeries:
-    """The states of the excavation of ``settings`` in a ground, rocks left out; the first is the ground as it is.
+    """Open the states of the excavation of ``settings`` in a ground without rocks; the first is the undisturbed ground.
 
-    Raises IcyMoonError for an excavation that cannot be dug.
+    Raises IcyMoonError if the excavation cannot be dug.
     """
     site = make_site(settings)
     west, south, east, north = site.grid.bounds_m
@@ -34,7 +34,7 @@ def open_series(ground: Ground, settings: Settings, seed: int) -> ExcavationSeri
 
 
 def _measure_heights(ground: Ground, grid: ExcavationGrid) -> Array:
-    """The heights (rows, columns), m, of the ground without its rocks at the vertices of a grid."""
+    """Measure the heights (rows, columns), m, of the ground without its rocks at the vertices of a grid."""
     x, y = (each.ravel() for each in np.meshgrid(grid.east_m, grid.north_m))
     with open_bare_ground(ground) as bare:
         return look_down(bare, x, y).reshape(grid.rows, grid.columns)
@@ -49,9 +49,9 @@ def dig_ground(untouched: Ground, series: ExcavationSeries, state: int) -> Groun
 
 
 def _join_patch(shape: Shape, grid: ExcavationGrid, top_m: Array) -> Shape:
-    """The ground's triangles outside a grid, and the triangles of the grid with heights (rows, columns), m.
+    """Join the ground's triangles outside a grid with the triangles of the grid at heights (rows, columns), m.
 
-    A triangle that reaches over the border of the grid stays, so that there is no gap.
+    A triangle that crosses the border of the grid stays, so that there is no gap.
     """
     west, south, east, north = grid.bounds_m
     x, y = shape.vertices[:, 0], shape.vertices[:, 1]
@@ -67,7 +67,7 @@ def _join_patch(shape: Shape, grid: ExcavationGrid, top_m: Array) -> Shape:
 
 
 def _list_triangles(grid: ExcavationGrid) -> Array:
-    """The triangles (n, 3) of a grid's vertices, counter-clockwise from above."""
+    """List the triangles (n, 3) of a grid's vertices, counter-clockwise from above."""
     corner = np.arange(grid.rows * grid.columns).reshape(grid.rows, grid.columns)
     a, b, c, d = (each.ravel() for each in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
     return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -1,4 +1,4 @@
-"""Landed days one after the other, by a policy; a second start makes only the days that are missing."""
+"""Runs landed days one after the other by a policy. A second start runs only the missing days."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ..matchers.methods import Method, parse_methods
 from ..report.row_log import Row, RowLog
 from .day import CHOOSE, DIG, ENDS, LOOK, SAMPLE_SHARE, STOP, UNSAFE, VERIFY, WAIT, LandedDay, Observation
 
-#: Increased when equal input gives other days.
+#: Version of the days. It increases when equal input gives other days.
 DAYS_VERSION = 1
 _LOG_FILE, _SUMMARY_FILE = "days.jsonl", "days.json"
 #: The files of a run, and the first bytes of each.
@@ -42,13 +42,13 @@ _MORNING_DEG, _LOOK_DEG = 16.0, 12.0
 #: Hours between two times at which the Sun's elevation is computed, and the most hours until a morning.
 _STEP_H, _MAX_H = 0.5, 200.0
 _DAYS_OF_YEAR = 365
-#: Most steps of a day; a policy that takes more counts as endless.
+#: Most steps of a day. A policy that takes more counts as endless.
 MAX_STEPS = 200
 #: 1 - confidence of intervals.
 _DOUBT = 0.05
 #: The topics of a lander's settings.
 LANDER_TOPICS = ("rig", "sensor", "workspace", "excavation", "light")
-#: The lander of the studies by rays, with a scoop, at a place of Enceladus where the Sun culminates above 43 degrees.
+#: The lander of the ray-traced studies, with a scoop, at a place on Enceladus where the Sun rises above 43 degrees.
 DAY_LANDER = merged(
     LANDER,
     {
@@ -66,7 +66,7 @@ DAY_LANDER = merged(
 
 @dataclass(frozen=True)
 class Step:
-    """The arguments of ``LandedDay.step``."""
+    """Arguments of ``LandedDay.step``."""
 
     action: str
     hours: float = 0.0
@@ -78,8 +78,10 @@ Policy = Callable[[Observation], Step]
 
 @dataclass(frozen=True)
 class LookChooseDig:
-    """The policy that ships: look at least ``looks`` times, ``wait_h`` hours apart, and up to ``most_looks`` times
-    while no site has the ``least_margin``; abstain then. Dig and verify by turns until the measured volume is a sample.
+    """The shipped policy: look, choose a site, dig.
+
+    It looks at least ``looks`` times, ``wait_h`` hours apart, and up to ``most_looks`` times while no site has the
+    ``least_margin``; then it abstains. It digs and verifies by turns until the measured volume is a sample.
     """
 
     scoop_m3: float  # the volume of all bites
@@ -90,7 +92,7 @@ class LookChooseDig:
     least_margin: float = 0.0
 
     def __call__(self, seen: Observation) -> Step:
-        """The next step."""
+        """Return the next step."""
         return self._decide_on_site(seen) if seen.chosen is None else self._decide_on_trench(seen)
 
     def _decide_on_site(self, seen: Observation) -> Step:
@@ -113,7 +115,7 @@ class LookChooseDig:
 
 
 def read_method(text: str) -> Method:
-    """The matcher of a lander. Raises IcyMoonError for several, and as ``parse_methods``."""
+    """Parse the matcher of a lander. Raises IcyMoonError for several matchers, and as ``parse_methods``."""
     methods = parse_methods(text)
     if len(methods) > 1:
         raise IcyMoonError(f"The method is {text!r}, but a lander has one matcher; give one.")
@@ -121,14 +123,14 @@ def read_method(text: str) -> Method:
 
 
 def make_policy(lander: Settings, looks: int = 2, least_margin: float = 0.0) -> LookChooseDig:
-    """The shipped policy for the scoop of a lander."""
+    """Make the shipped policy for the scoop of a lander."""
     scoop, bites = lander.excavation, int(lander.excavation.states) - 1
     volume = bites * scoop.bite_m * scoop.length_m * scoop.width_m
     return LookChooseDig(volume, bites, looks, max(looks, LookChooseDig.most_looks), least_margin=least_margin)
 
 
 def change_lander(changes: Settings) -> Settings:
-    """The shipped lander with changes. Raises IcyMoonError for a topic that does not act on the lander."""
+    """Return the shipped lander with changes. Raises IcyMoonError for a topic that does not act on the lander."""
     if other := sorted(set(changes) - set(LANDER_TOPICS)):
         raise IcyMoonError(
             f"The lander has settings of {other[0]}, which do not act on it; give {', '.join(LANDER_TOPICS)} only, and "
@@ -138,7 +140,7 @@ def change_lander(changes: Settings) -> Settings:
 
 
 def draw_start(lander: Settings, recipe: Recipe) -> Settings:
-    """The lander's settings on a random morning for each ground, within a year from their date on.
+    """Return the lander's settings on a random morning for each ground, within a year from their date on.
 
     Raises IcyMoonError if the Sun does not rise to 16 degrees there.
     """
@@ -158,7 +160,9 @@ def draw_start(lander: Settings, recipe: Recipe) -> Settings:
 
 
 def live_day(day: LandedDay, policy: Policy) -> dict[str, Any]:
-    """The outcome of a day by a policy, with its ``steps``. Raises IcyMoonError if the policy has no end."""
+    """Live a day by a policy and return its outcome, with its ``steps``. Raises IcyMoonError if the policy does not
+    stop.
+    """
     steps: list[dict[str, Any]] = []
     while not day.observation.done:
         if len(steps) == MAX_STEPS:
@@ -179,10 +183,10 @@ def run_days(
     most_energy_wh: float,
     on_day: Callable[[Row], None] = lambda row: None,
 ) -> dict[str, Any]:
-    """Live a day on each ground and return the summary; ``days.jsonl`` gets a row of each day.
+    """Live a day on each ground and return the summary. Each day adds a row to ``days.jsonl``.
 
-    A row depends on its ground, the settings, the method and the policy: its values if it is a dataclass, its name and
-    its code. A day that fails has a row with the reason. Raises IcyMoonError if the disk refuses.
+    A row depends on its ground, the settings, the method and the policy (its values if it is a dataclass, its name and
+    its code). A day that fails has a row with the reason. Raises IcyMoonError if the disk refuses.
     """
     log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     inputs = [
@@ -211,7 +215,10 @@ def run_days(
 
 
 def _describe_policy(policy: Policy) -> list[str]:
-    """The identity of a policy in every process; the ``repr`` of a function has an address."""
+    """Describe the identity of a policy equally in every process.
+
+    The ``repr`` of a function would contain an address.
+    """
     named = policy if inspect.isroutine(policy) else type(policy)
     values = repr(policy) if is_dataclass(policy) else ""
     try:
@@ -237,9 +244,10 @@ def _live_logged_day(
 
 
 def summarise_days(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The numbers of days by their end, with 95 % intervals of their shares over grounds; the largest share of unsafe
-    days that agrees with their number (``unsafe_bound``, one-sided); the means of hours, energy and looks; and the mean
-    error of the last verified volume.
+    """Count days by their end, with 95 % intervals of their shares over grounds, and average their numbers.
+
+    ``unsafe_bound`` is the largest share of unsafe days that agrees with their number (one-sided). There are also the
+    means of hours, energy and looks, and the mean error of the last verified volume.
     """
     days = [row["day"] for row in rows if row["day"]]
     ends = Counter(day["end"] for day in days)

@@ -1,4 +1,4 @@
-"""icynet as an ONNX file: images of any size and search ranges of any width, by ONNX Runtime without PyTorch."""
+"""Exports icynet as an ONNX file, for images and search ranges of any size, by ONNX Runtime without PyTorch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OPSET = 18
 
 
 class _AtLevels(nn.Module):
-    """The network with its levels as an input."""
+    """The network with its levels of disparity as an input."""
 
     def __init__(self, network: IcyNet) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class _AtLevels(nn.Module):
 
 
 def export_onnx(network: IcyNet) -> bytes:
-    """The bytes of an ONNX file of the network in use: its normalisation by batches is a part of its convolutions.
+    """Return the bytes of an ONNX file of the network in use: its batch normalisation is a part of its convolutions.
 
     Raises IcyMoonError without the package onnx.
     """

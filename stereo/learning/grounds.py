@@ -1,7 +1,7 @@
 """Grounds for training pairs: their random choices, the held-out grounds, and the triangles that rays meet.
 
-A ground is a terrain preset with its own seed, rocks, and shapes that no ice has, meshed in rings around one
-standing place. Many crops share it. Everything follows from the seed, the split and the ground's number.
+A ground is a terrain preset with its own seed, rocks, and shapes that no ice has, meshed in rings around one standing
+place. Many crops share it. The seed, the split and the ground's number determine everything.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from .patterns import Pattern, draw_pattern
 
-#: The law of a surface for albedos (n,): ``law(albedo)(incidence, emission, azimuth)``.
+#: A function that gives the reflectance law for albedos (n,): ``law(albedo)(incidence, emission, azimuth)``.
 LawOfAlbedo = Callable[[Numbers], Law]
 
 #: Terrains in training.
@@ -59,23 +59,23 @@ TERRAINS = (
 HELD_OUT_LANDFORMS = ("block_field", "penitentes")
 #: Terrains of Enceladus, the body that no training pair shows.
 HELD_OUT_BODY = ("fresh_snow_plain", "settled_snow", "suncups", "tiger_stripe_flank")
-#: Elevations of the Sun, in degrees, between which no training pair is lit.
+#: Range of the Sun's elevation, in degrees, in which no training pair is lit.
 HELD_OUT_SUN_DEG = (10.0, 16.0)
-#: Elevations of the Sun in all pairs.
+#: Range of the Sun's elevation, in degrees, in all pairs.
 SUN_DEG = (3.0, 65.0)
 #: The splits and their children of the seed. No two splits share a ground. Training never shows the landforms, bodies
 #: and Suns of the last three.
 SPLITS = {"train": 0, "ground": 1, "landform": 2, "body": 3, "sun": 4}
 
-#: The terrain of grounds by settings of the user's.
+#: The name of a terrain by the user's settings.
 OWN = "own"
 #: Label of ground, of rocks, and of shapes that no ice has.
 GROUND, ROCK, OTHER_SHAPE = 1, 2, 3
-#: Radius of the first ring of vertices in metres, and the distance of vertices over their distance from the centre.
+#: Radius of the first ring of vertices, m, and the ratio of the vertices' spacing to their distance from the centre.
 _FIRST_RING_M, _SPACING = 0.45, 0.012
 #: Distance in metres at which the ground ends.
 _LAST_RING_M = 70.0
-#: Number of instances among which other shapes are drawn, and their distances from the standing place in metres.
+#: Number of odd shapes on a ground is below the first; range of their distances from the standing place, m.
 _MAX_SHAPES, _SHAPE_DISTANCE_M = 28, (0.9, 9.0)
 #: Level of detail of rocks: about 1280 triangles for broken ice, 320 for others.
 _ROCK_LEVEL = 2
@@ -86,9 +86,12 @@ _CIRCLE: tuple[Callable[[Array], Array], ...] = (np.cos, np.sin)
 
 @dataclass(frozen=True)
 class Variety:
-    """What differs between training pairs, so that a study can narrow it: the ``terrains``, the elevations ``suns_deg``
-    of the Sun, whether the albedo varies over a ground, and whether the sensor has noise and stray pixels. ``own`` are
-    complete settings whose terrain, landforms and rocks all grounds have, in place of presets."""
+    """The differences between training pairs, which a study may narrow.
+
+    They are the ``terrains``, the range ``suns_deg`` of the Sun's elevation, whether the albedo varies over a ground,
+    and whether the sensor has noise and stray pixels. ``own`` are complete settings whose terrain, landforms and rocks
+    all grounds have, in place of presets.
+    """
 
     terrains: tuple[str, ...] = TERRAINS
     suns_deg: tuple[float, float] = SUN_DEG
@@ -103,10 +106,13 @@ FULL = Variety()
 
 @dataclass(frozen=True)
 class Recipe:
-    """The random choices that determine a ground. ``terrain`` is a preset's name or ``OWN``, ``bare`` the settings
-    without rocks and ``rocks`` with them, or None; ``place_m`` (2,) is the standing place, ``shapes`` the number of
-    shapes that no ice has. ``law`` is the surface's law, named ``law_name``; ``albedo`` its mean parameter (Bond
-    albedo, spherical albedo of snow, w of Hapke)."""
+    """The random choices that determine a ground.
+
+    ``terrain`` is a preset's name or ``OWN``, ``bare`` the settings without rocks and ``rocks`` with them, or None.
+    ``place_m`` (2,) is the standing place, ``shapes`` the number of shapes that no ice has. ``law`` is the surface's
+    reflectance law, named ``law_name``; ``albedo`` its mean parameter (Bond albedo, spherical albedo of snow, w of
+    Hapke).
+    """
 
     seed: int
     split: str
@@ -124,10 +130,12 @@ class Recipe:
 
 @dataclass(frozen=True)
 class ShadingTables:
-    """Normals of all triangles of a world, for one look-up per ray: ``normals`` (k, 3) float32 and ``corners`` (m, 3),
-    the indices of each triangle's three; a flat triangle has one normal thrice. The triangles of place p begin at
-    ``first`` (places,); ``turns`` (places, 3, 3) float32 turn normals into the world; ``label`` (places,) and
-    ``number`` (places,) are of the shape there."""
+    """Normals of all triangles of a world, for one look-up per ray.
+
+    ``normals`` (k, 3) float32 are the normals, ``corners`` (m, 3) the indices of each triangle's three normals; a flat
+    triangle has one normal three times. The triangles of place p begin at ``first`` (places,). ``turns`` (places, 3, 3)
+    float32 rotate normals into the world. ``label`` (places,) and ``number`` (places,) describe the shape there.
+    """
 
     normals: Array
     corners: Array
@@ -137,7 +145,7 @@ class ShadingTables:
     number: Array
 
     def find_normals(self, hits: Hits, rays: Array) -> Array:
-        """Unit shading normals (n, 3) float32, outward, where the ``rays`` (n,) met the world."""
+        """Find the unit shading normals (n, 3) float32, outward, where the ``rays`` (n,) met the world."""
         place = hits.place[rays]
         corners = self.corners[self.first[place] + hits.triangle[rays]]
         u, v = hits.u[rays, None], hits.v[rays, None]
@@ -149,7 +157,7 @@ class ShadingTables:
 
 
 def make_shading_tables(world: World) -> ShadingTables:
-    """The tables of a world whose shapes each have one label and are smooth or flat throughout."""
+    """Make the tables of a world whose shapes each have one label and are smooth or flat throughout."""
     normals, corners, first, count, triangles = [], [], [], 0, 0
     for each in world.placed:
         shape = each.shape
@@ -177,8 +185,10 @@ def make_shading_tables(world: World) -> ShadingTables:
 
 @dataclass(frozen=True)
 class Ground:
-    """A ground with its tracer: ``height_m`` is the greatest height around the standing place, on which a camera
-    stands."""
+    """A ground with its tracer.
+
+    ``height_m`` is the greatest height around the standing place, on which a camera stands.
+    """
 
     recipe: Recipe
     world: World
@@ -193,18 +203,18 @@ class Ground:
 
 
 def check_split(split: str) -> None:
-    """Raises IcyMoonError for an unknown split."""
+    """Raise IcyMoonError if the split is unknown."""
     if split not in SPLITS:
         raise IcyMoonError(f"There is no split {split!r} of made pairs; choose one of {', '.join(SPLITS)}.")
 
 
 def make_split_generator(seed: int, split: str, *index: int) -> np.random.Generator:
-    """The random stream of a ground or sample of a split."""
+    """Make the random generator of a ground or sample of a split."""
     return make_generator(seed, "training", 1, SPLITS[split], *index)
 
 
 def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> Recipe:
-    """The ground of this number. Raises IcyMoonError for an unknown split."""
+    """Draw the ground of this number. Raises IcyMoonError for an unknown split."""
     check_split(split)
     random = make_split_generator(seed, split, number)
     terrain = str(random.choice({"landform": HELD_OUT_LANDFORMS, "body": HELD_OUT_BODY}.get(split, variety.terrains)))
@@ -231,7 +241,7 @@ def draw_recipe(seed: int, split: str, number: int, variety: Variety = FULL) -> 
 
 
 def _choose_settings(terrain: str, rocks: str, own: Settings | None) -> tuple[Settings, Settings | None]:
-    """The complete settings of a ground without rocks and with them; None if it has none."""
+    """Return the complete settings of a ground without rocks, and with rocks or None if it has none."""
     if own is not None:
         return own, own if own.rocks.coverage else None
     bare = merged(defaults(), load_preset(f"terrains/{terrain}"))
@@ -241,7 +251,7 @@ def _choose_settings(terrain: str, rocks: str, own: Settings | None) -> tuple[Se
 
 
 def _draw_law(random: np.random.Generator) -> tuple[str, LawOfAlbedo, float]:
-    """Draw a law of light scattering: its name, the law, and its mean albedo."""
+    """Draw a reflectance law: its name, the law, and its mean albedo."""
     name = str(random.choice(["LAMBERT", "LUNAR_LAMBERT", "SNOW", "HAPKE"], p=[0.4, 0.25, 0.2, 0.15]))
     if name == "SNOW":
         return name, snow_law, float(random.uniform(0.85, 0.99))
@@ -256,14 +266,17 @@ def _draw_law(random: np.random.Generator) -> tuple[str, LawOfAlbedo, float]:
 
 
 def _vary_hapke(settings: Settings, w: Numbers) -> Law:
-    """Hapke's law of a surface with another single-scattering albedo ``w``."""
+    """Return Hapke's law of a surface with another single-scattering albedo ``w``."""
     parameters = hapke_from_settings(settings.hapke)
     fields = {name: getattr(parameters, name) for name in parameters.__dataclass_fields__} | {"w": w}
     return partial(bidirectional_reflectance, parameters=type(parameters)(**fields))
 
 
 def build_ground(recipe: Recipe) -> Ground:
-    """The triangles of a ground and their tracer. Raises IcyMoonError without Embree, MemoryError without memory."""
+    """Build the triangles of a ground and their tracer.
+
+    Raises IcyMoonError without Embree, MemoryError without memory.
+    """
     seed = int(make_split_generator(recipe.seed, recipe.split, recipe.number, 1).integers(2**31 - 1))
     terrain, placed = make_terrain(recipe.bare, seed, with_skirts=False), []
     if recipe.rocks is not None:
@@ -282,7 +295,7 @@ def build_ground(recipe: Recipe) -> Ground:
 
 @lru_cache(maxsize=1)
 def _make_rings() -> tuple[VertexRings, Array]:
-    """Rings of vertices whose spacing grows with their distance, and their triangles."""
+    """Make rings of vertices whose spacing grows with their distance, and their triangles."""
     ratio = 1.0 + _SPACING * np.sqrt(0.75)
     count = int(np.ceil(np.log(_LAST_RING_M / _FIRST_RING_M) / np.log(ratio)))
     radius = _FIRST_RING_M * ratio ** np.arange(count)
@@ -296,11 +309,11 @@ def _mesh_terrain(terrain: Terrain, place_m: tuple[float, float]) -> Placed:
     shortest = rings.spread_to_vertices(2.0 * _SPACING * rings.radius_m, 2.0 * _SPACING * _FIRST_RING_M)
     heights = terrain.heights(x + place_m[0], y + place_m[1], shortest)
     vertices = np.stack([x + place_m[0], y + place_m[1], heights], axis=1).astype(np.float32)
-    return _place(vertices, triangles, GROUND, np.eye(4)[None], smooth=True)
+    return _make_instances(vertices, triangles, GROUND, np.eye(4)[None], smooth=True)
 
 
-def _place(vertices: Array, triangles: Array, label: int, places: Array, smooth: bool) -> Placed:
-    """A shape with one label and its instances."""
+def _make_instances(vertices: Array, triangles: Array, label: int, places: Array, smooth: bool) -> Placed:
+    """Make a shape with one label, and its instances."""
     count = len(triangles)
     shape = Shape(
         vertices.astype(np.float32),
@@ -312,7 +325,7 @@ def _place(vertices: Array, triangles: Array, label: int, places: Array, smooth:
 
 
 def _lay_rocks(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[float, float]) -> list[Placed]:
-    """The rocks that look largest from the standing place."""
+    """Scatter the rocks of a ground; only those that look largest from the standing place remain."""
     shapes = make_rock_shapes(settings.rocks.family, float(settings.rocks.angularity), 0)
     surface = partial(terrain.heights, shortest_m=0.05)
     rocks = scatter_rocks(
@@ -325,7 +338,7 @@ def _lay_rocks(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[f
 
 
 def _make_skirts(settings: Settings, terrain: Terrain, seed: int, place_m: tuple[float, float]) -> Skirts | None:
-    """The skirts of the rocks of ``_lay_rocks``."""
+    """Make the skirts of the rocks of ``_lay_rocks``; None if the settings have no skirts."""
     if settings.rocks.skirt == 0.0:
         return None
     shapes = make_rock_shapes(settings.rocks.family, float(settings.rocks.angularity), 0)
@@ -334,21 +347,21 @@ def _make_skirts(settings: Settings, terrain: Terrain, seed: int, place_m: tuple
     return build_skirts(outlines, settings.rocks)
 
 
-#: Maximum number of rocks on a ground.
+#: Most rocks on a ground.
 _MAX_ROCKS = 600
 
 
 def _place_shapes(shapes: tuple[RockShape, ...], which: Array, matrices: Array, label: int) -> list[Placed]:
-    """Instances (n, 4, 4) of the shapes ``which`` (n,)."""
+    """Make instances (n, 4, 4) of the shapes ``which`` (n,)."""
     return [
-        _place(shape.vertices, shape.triangles, label, matrices[which == k], smooth=not shape.plane.any())
+        _make_instances(shape.vertices, shape.triangles, label, matrices[which == k], smooth=not shape.plane.any())
         for k, shape in enumerate(shapes)
         if (which == k).any()
     ]
 
 
 def _place_odd_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
-    """Shapes that no ice has, for steps in depth: rods, plates and lumps that stand, lean and hang in the air."""
+    """Place shapes that no ice has, for steps in depth: rods, plates and lumps that stand, lean and hang in the air."""
     random = make_split_generator(recipe.seed, recipe.split, recipe.number, 2)
     shapes = make_rock_shapes(str(random.choice(FAMILIES)), 0.8, 0)[_ROCK_LEVEL]
     n = recipe.shapes
@@ -366,14 +379,17 @@ def _place_odd_shapes(recipe: Recipe, terrain: Terrain) -> list[Placed]:
     )
 
 
-def close_ground(ground: Ground) -> None:
+def release_ground(ground: Ground) -> None:
     """Free the memory of a ground's tracer."""
     ground.tracer.close()
 
 
 def draw_sun_elevation_deg(split: str, random: np.random.Generator, suns_deg: tuple[float, float] = SUN_DEG) -> float:
-    """Elevation of the Sun in degrees, evenly in its logarithm: inside the held-out range for the split "sun", else
-    outside it. ``suns_deg`` that are narrower include no part of that range."""
+    """Draw the elevation of the Sun in degrees, evenly in its logarithm.
+
+    It is inside the held-out range for the split "sun", else outside. A narrower ``suns_deg`` must lie above this range
+    or contain it.
+    """
     low, high = np.log(suns_deg)
     start, end = np.log(HELD_OUT_SUN_DEG)
     if split == "sun":

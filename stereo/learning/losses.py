@@ -13,16 +13,17 @@ from .trainable import Found
 
 #: Weights of the parts: cross-entropy of the costs, and confidence.
 _COST_WEIGHT, _CONFIDENCE_WEIGHT = 0.5, 0.3
-#: Error in px above which the loss grows only with its logarithm: such a pixel probably shows nothing to match.
+#: Error in px above which the loss grows only with its logarithm, because such a pixel probably shows nothing to match.
 _LARGE_ERROR_PX = 4.0
 #: Weight of points that the right eye does not see.
 _HIDDEN_WEIGHT = 0.3
 
 
 def compute_loss(found: Found, sample: Mapping[str, Tensor], range_px: int) -> dict[str, Tensor]:
-    """The parts of the loss and their ``total``, scalars, and ``bad_1``, the share of pixels that are wrong by over 1
-    px. A network without confidence or costs has no such part. ``sample`` has ``disparity_px``, ``valid`` and
-    ``occluded``, all (N, H, W).
+    """Compute the parts of the loss and their ``total``, scalars, and ``bad_1``, the share of errors above 1 px.
+
+    A part is 0 if the network gives no confidence or no costs. ``sample`` has ``disparity_px``, ``valid`` and
+    ``occluded``, all (N, H, W). The parts are:
 
     Disparity: smooth L1, and the logarithm of large errors. Costs: cross-entropy with the two nearest levels, where the
     right eye sees the point. Confidence: cross-entropy with exp(-error in px).
@@ -47,13 +48,13 @@ def compute_loss(found: Found, sample: Mapping[str, Tensor], range_px: int) -> d
 
 
 def _compare_confidence(logit: Tensor, error: Tensor, known: Tensor) -> Tensor:
-    """Cross-entropy of the confidence with exp(-error in px)."""
+    """Return the cross-entropy of the confidence with exp(-error in px)."""
     apart = F.binary_cross_entropy_with_logits(logit, torch.exp(-error.detach()), reduction="none")
     return (apart * known).sum() / known.sum().clamp(min=1)
 
 
 def _compare_levels(costs: Tensor, truth: Tensor, seen: Tensor) -> Tensor:
-    """Cross-entropy of costs (N, D, H/4, W/4) with the truth at the pixels of the coarse grid."""
+    """Return the cross-entropy of costs (N, D, H/4, W/4) with the truth at the pixels of the coarse grid."""
     coarse, there = truth[:, 2::4, 2::4] / LEVEL_PX, seen[:, 2::4, 2::4]
     first = coarse.floor().clamp(0, costs.shape[1] - 2)
     share = (coarse - first).clamp(0, 1)

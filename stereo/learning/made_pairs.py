@@ -1,6 +1,6 @@
-"""Training pairs made by rays: both images of a crop, its exact disparity, and the pixels hidden from the right eye.
+"""Ray-traced training pairs: both images of a crop, its exact disparity, and the pixels hidden from the right eye.
 
-A sample depends on the seed, the split and its number alone, not on the process that makes it. Samples
+A sample depends only on the seed, the split and its number, not on the process that makes it. Samples
 ``CROPS_PER_GROUND`` k to ``CROPS_PER_GROUND`` (k + 1) - 1 share ground k.
 """
 
@@ -35,10 +35,10 @@ from .grounds import (
     Variety,
     build_ground,
     check_split,
-    close_ground,
     draw_recipe,
     draw_sun_elevation_deg,
     make_split_generator,
+    release_ground,
 )
 from .radiance import Lighting, compute_radiance, measure_indirect
 
@@ -57,18 +57,21 @@ _SQUARE_PX, _BOUNCES_PER_SQUARE = 8, 8
 #: Standard deviation of the pixel's filter in pixels, close to the Blackman-Harris window of Cycles.
 _FILTER_PX = 0.33
 _NEAR_M, _FAR_M = 1e-3, 1e4
-#: A sensor without noise: the noise of so many electrons is negligible.
+#: A sensor without noise. The shot noise of such a full well is negligible.
 _NO_NOISE = {"read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "row_noise_e": 0.0, "full_well_e": 1e7}
-#: Irradiance by the Sun in W/m² and its angular radius, of Enceladus and Europa.
+#: Irradiance by the Sun, W/m², and its angular diameter, degrees, at Enceladus and Europa.
 _SUNS = ((14.82, 0.0556), (50.26, 0.1024))
-#: Electrons per second per W/(m² sr); the exposure follows the light, so that any value gives the same images.
+#: Electrons per second per W/(m² sr). The exposure follows the light, so that any value gives the same images.
 _RATE = 1e5
 
 
 @dataclass(frozen=True)
 class Faults:
-    """The deviations of the right eye from a rectified eye. ``turn_rad`` (3,) is a small rotation about its axes,
-    ``shift_px`` a vertical shift; ``gain`` its exposure over the left eye's."""
+    """Deviations of the right eye from a rectified eye.
+
+    ``turn_rad`` (3,) is a small rotation about its axes, ``shift_px`` a vertical shift, and ``gain`` the ratio of its
+    exposure to the left eye's.
+    """
 
     turn_rad: Array
     shift_px: float
@@ -77,8 +80,10 @@ class Faults:
 
 @dataclass(frozen=True)
 class View:
-    """A sample's cameras and light. ``right`` is the rectified eye, to which disparities refer; ``right_imaged`` is the
-    eye with its ``faults``."""
+    """Cameras and light of a sample.
+
+    ``right`` is the rectified eye, to which disparities refer; ``right_imaged`` is the eye with its ``faults``.
+    """
 
     left: Eye
     right: Eye
@@ -90,8 +95,10 @@ class View:
 
 @dataclass(frozen=True)
 class MadePairs:
-    """Pairs of a split. ``crop_px`` are width and height, multiples of 8. Raises IcyMoonError for an unknown split or
-    other sizes."""
+    """Pairs of a split. ``crop_px`` are width and height, multiples of 8.
+
+    Raises IcyMoonError for an unknown split or other sizes.
+    """
 
     split: str = "train"
     seed: int = 0
@@ -107,31 +114,33 @@ class MadePairs:
 
     @property
     def name(self) -> str:
-        """A name for files, which differs where the samples differ."""
+        """Name for files, which differs where the samples differ."""
         narrowed = "" if self.variety == FULL else f"-{sha256(repr(self.variety).encode()).hexdigest()[:8]}"
         return f"{self.split}-{self.seed}{narrowed}"
 
     def iterate(self, first_ground: int = 0, step: int = 1) -> Iterator[dict[str, Any]]:
-        """Samples without end, ground by ground: ``first_ground``, then every ``step``-th after it."""
+        """Yield samples without end, ground by ground: ``first_ground``, then every ``step``-th after it."""
         number = first_ground
         while True:
             yield from self.list_ground(number)
             number += step
 
     def list_ground(self, number: int) -> Iterator[dict[str, Any]]:
-        """The samples of one ground, as arrays; see ``make_sample``."""
+        """Yield the samples of one ground, as arrays; see ``make_sample``."""
         ground = build_ground(draw_recipe(self.seed, self.split, number, self.variety))
         try:
             for each in range(CROPS_PER_GROUND):
                 yield self.make_sample(ground, number * CROPS_PER_GROUND + each)
         finally:
-            close_ground(ground)
+            release_ground(ground)
 
     def make_sample(self, ground: Ground, number: int) -> dict[str, Any]:
-        """The sample of this number on its ground, like a sample of ``icymoon.torch.Dataset``, as NumPy arrays:
-        ``left`` and ``right`` float32 (1, H, W) from 0 to 1, ``disparity_px`` float32 (H, W), 0 in the sky, ``valid``
-        and ``occluded`` bool (H, W), the numbers ``focal_px``, ``baseline_m``, ``cx_px`` and ``cy_px``, and the texts
-        ``pair`` and ``scene``."""
+        """Make the sample of this number on its ground, like a sample of ``icymoon.torch.Dataset``, as NumPy arrays.
+
+        It has ``left`` and ``right`` float32 (1, H, W) from 0 to 1, ``disparity_px`` float32 (H, W), 0 in the sky,
+        ``valid`` and ``occluded`` bool (H, W), the numbers ``focal_px``, ``baseline_m``, ``cx_px`` and ``cy_px``, and
+        the texts ``pair`` and ``scene``.
+        """
         random = make_split_generator(self.seed, self.split, number // CROPS_PER_GROUND, 3, number)
         view = draw_view(ground, self.split, self.crop_px, random, self.variety)
         depth, hidden = trace_truth(ground, view)
@@ -158,8 +167,10 @@ class MadePairs:
 
 
 def trace_truth(ground: Ground, view: View) -> tuple[Array, Array]:
-    """Planar depth (rows, columns) in metres at pixel centres of the left eye, infinite for the sky, and whether the
-    right eye sees something else there. Embree's single precision errs by 2.4e-7 of the depth."""
+    """Trace the planar depth (rows, columns), m, at pixel centres of the left eye, infinite for the sky.
+
+    Also return whether the right eye sees something else there. Embree's single precision errs by 2.4e-7 of the depth.
+    """
     depth, hidden = np.empty(view.left.rows * view.left.columns), np.empty(view.left.rows * view.left.columns, bool)
     for pixels in list_squares(view.left.rows, view.left.columns):
         direction = view.left.directions(pixels)
@@ -175,7 +186,7 @@ def trace_truth(ground: Ground, view: View) -> tuple[Array, Array]:
 def draw_view(
     ground: Ground, split: str, crop_px: tuple[int, int], random: np.random.Generator, variety: Variety = FULL
 ) -> View:
-    """Cameras and light of a sample. The baseline follows from the greatest disparity, which is drawn."""
+    """Draw the cameras and the light of a sample. The baseline follows from the greatest disparity, which is drawn."""
     columns, rows = crop_px
     focal = columns * float(np.exp(random.uniform(np.log(0.7), np.log(3.5))))
     pitch, heading, roll = random.uniform(2.0, 38.0), random.uniform(0, 360), random.normal(0, 2.0)
@@ -197,7 +208,7 @@ def draw_view(
 
 
 def _measure_depths(ground: Ground, eye: Eye) -> Array:
-    """Planar depths in metres of a sparse grid of pixels with ground."""
+    """Measure the planar depths, m, at a sparse grid of pixels with ground."""
     row, column = np.meshgrid(np.arange(4, eye.rows, 12), np.arange(4, eye.columns, 12), indexing="ij")
     direction = eye.directions((row * eye.columns + column).ravel())
     along = ground.tracer.intersect(eye.position, direction, _NEAR_M, _FAR_M).along
@@ -205,7 +216,7 @@ def _measure_depths(ground: Ground, eye: Eye) -> Array:
 
 
 def _draw_faults(focal_px: float, random: np.random.Generator) -> Faults:
-    """Faults of the right eye: in half of the samples none in its pose."""
+    """Draw the faults of the right eye. In half of the samples its pose has none."""
     crooked = random.random() < 0.5
     turn = random.normal(0, 0.25, 3) * [1.0, 0.3, 1.0] / focal_px * crooked
     gain = float(np.exp(random.normal(0, 0.06))) if random.random() < 0.7 else 1.0
@@ -213,7 +224,7 @@ def _draw_faults(focal_px: float, random: np.random.Generator) -> Faults:
 
 
 def draw_light(split: str, random: np.random.Generator, variety: Variety) -> Lighting:
-    """The light of a sample of a split."""
+    """Draw the light of a sample of a split."""
     irradiance, diameter_deg = _SUNS[int(random.integers(len(_SUNS)))]
     elevation, azimuth = draw_sun_elevation_deg(split, random, variety.suns_deg), float(random.uniform(0, 360))
     sky = float(random.uniform(0, 0.02)) if random.random() < 0.7 else float(random.uniform(0.02, 0.3))
@@ -227,7 +238,7 @@ def draw_light(split: str, random: np.random.Generator, variety: Variety) -> Lig
 
 
 def render_eye(ground: Ground, light: Lighting, eye: Eye, rays_per_pixel: int, random: np.random.Generator) -> Array:
-    """Radiance (rows, columns) in W/(m² sr) that an eye sees, with the noise of few rays per pixel."""
+    """Render the radiance (rows, columns), W/(m² sr), that an eye sees, with the noise of few rays per pixel."""
     count = eye.rows * eye.columns
     (squares,) = list_squares(eye.rows, eye.columns)
     indirect = _render_indirect(ground, light, eye, random).reshape(-1)[squares]
@@ -239,7 +250,7 @@ def render_eye(ground: Ground, light: Lighting, eye: Eye, rays_per_pixel: int, r
 
 
 def _draw_directions(eye: Eye, pixels: Array, random: np.random.Generator) -> Array:
-    """Rays (n, 3) through random points of the filters of pixels (n,), scaled to a planar depth of 1."""
+    """Draw rays (n, 3) through random points of the filters of pixels (n,), scaled to a planar depth of 1."""
     row, column = np.divmod(pixels, eye.columns)
     aside = random.normal(0, _FILTER_PX, (2, len(pixels)))
     own = np.stack(
@@ -254,8 +265,10 @@ def _draw_directions(eye: Eye, pixels: Array, random: np.random.Generator) -> Ar
 
 
 def _render_indirect(ground: Ground, light: Lighting, eye: Eye, random: np.random.Generator) -> Array:
-    """Irradiance (rows, columns) by other ground and the sky, traced for the middle of each square, smoothed over
-    three squares, and linear between them."""
+    """Render the irradiance (rows, columns), W/m², by other ground and the sky.
+
+    It is traced for the middle of each square, smoothed over three squares, and linear between them.
+    """
     rows, columns = eye.rows // _SQUARE_PX, eye.columns // _SQUARE_PX
     row, column = np.divmod(np.arange(rows * columns), columns)
     middle = (row * _SQUARE_PX + _SQUARE_PX // 2) * eye.columns + column * _SQUARE_PX + _SQUARE_PX // 2
@@ -265,7 +278,7 @@ def _render_indirect(ground: Ground, light: Lighting, eye: Eye, random: np.rando
 
 
 def _smooth(image: Array) -> Array:
-    """The mean over 3 x 3 neighbours of an image (H, W); border pixels are repeated."""
+    """Average an image (H, W) over 3 x 3 neighbours; border pixels are repeated."""
     for axis in (0, 1):
         padded = np.pad(image, [(1, 1) if axis == k else (0, 0) for k in (0, 1)], mode="edge")
         length = image.shape[axis]
@@ -274,7 +287,7 @@ def _smooth(image: Array) -> Array:
 
 
 def _stretch(image: Array, rows: int) -> Array:
-    """An image (h, w) with ``rows`` rows, linear between the middles of the image's rows."""
+    """Stretch an image (h, w) to ``rows`` rows, linearly between the middles of the image's rows."""
     place = np.clip((np.arange(rows) + 0.5) * len(image) / rows - 0.5, 0, len(image) - 1)
     first = np.minimum(place.astype(np.intp), len(image) - 2)
     share = (place - first)[:, None]
@@ -282,7 +295,7 @@ def _stretch(image: Array, rows: int) -> Array:
 
 
 def draw_sensor(random: np.random.Generator) -> SensorSettings:
-    """A sensor: from clean to noisy, from sharp to soft."""
+    """Draw a sensor: from clean to noisy, from sharp to soft."""
     bits = int(random.choice([8, 10, 12]))
     sensor = {
         "bits": bits,
@@ -307,7 +320,7 @@ def _change_sensor(sensor: SensorSettings, values: Mapping[str, Any]) -> SensorS
 
 
 def _develop(light: list[Array], faults: Faults, random: np.random.Generator, has_noise: bool = True) -> list[Array]:
-    """Both images, float32 (H, W) from 0 to 1 in steps of 1/255, of their radiances (H, W) by a drawn sensor."""
+    """Develop both images, float32 (H, W) from 0 to 1 in steps of 1/255, from radiances (H, W) by a random sensor."""
     sensor = draw_sensor(random)
     noise = float(random.uniform(0, 0.04)) * (random.random() < 0.5)
     strays = float(np.exp(random.uniform(np.log(1e-5), np.log(3e-3)))) * (random.random() < 0.5)
@@ -331,8 +344,11 @@ def _develop(light: list[Array], faults: Faults, random: np.random.Generator, ha
 
 
 def _add_strays(radiance: Array, share: float, random: np.random.Generator) -> Array:
-    """Radiance with pixels that are far too bright or dark, as fireflies of a render, glints and dead pixels are. Each
-    eye has its own."""
+    """Return radiance with pixels that are far too bright or dark, such as fireflies of a render, glints and dead
+    pixels.
+
+    Each eye has its own.
+    """
     count = int(random.poisson(share * radiance.size))
     if not count:
         return radiance

@@ -1,7 +1,7 @@
 """Fine structure of a surface that its triangles lack: noise of albedo and of relief, by position in the world.
 
-A pattern is a sum of octaves. Each looks up one periodic tile of noise, turned, shifted and scaled; an octave fades out
-where its wavelength comes near the width of a pixel on the ground, as in an image with many samples.
+A pattern is a sum of octaves. Each octave looks up one periodic tile of noise, turned, shifted and scaled. An octave
+fades out where its wavelength approaches the width of a pixel on the ground, as in an image with many samples.
 """
 
 from __future__ import annotations
@@ -19,18 +19,21 @@ from ...support.arrays import Array
 _TILE_TEXELS, _WAVES = 128, 12
 #: Number of octaves, and their longest wavelengths in metres.
 _OCTAVES, _LONGEST_M = 6, (0.08, 0.8)
-#: Shift of the place in the tile per height, east and north, so that walls have structure too.
+#: Shift in the tile, east and north, per metre of height, so that walls have structure too.
 _SKEW = (0.37, 0.61)
-#: An octave has faded out where a wave is this many pixels long, and is whole at twice the length.
+#: Length of a wave, px, at which an octave has faded out. At twice the length it has its full strength.
 _FADE_PX = 1.5
-#: Texels in a row of the map that OpenCV looks up, which takes no array longer than 32767.
+#: Texels in a row of the map that OpenCV looks up. OpenCV takes no array longer than 32767.
 _ROW = 1024
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """Octaves (k,): ``wavelength_m``, ``turn`` in radians and ``shift`` (k, 2) in texels; relative deviation of
-    ``albedo`` and ``slope`` of the relief (k,) of each, standard deviations."""
+    """Octaves (k,) of noise.
+
+    Each has a ``wavelength_m``, a ``turn`` in radians and a ``shift`` (k, 2) in texels. ``albedo`` and ``slope`` are
+    the standard deviations of its relative albedo and of its relief's slope.
+    """
 
     wavelength_m: Array
     turn: Array
@@ -39,8 +42,10 @@ class Pattern:
     slope: Array
 
     def sample(self, points: Array, pixel_m: Array) -> tuple[Array, Array]:
-        """Relative deviations (n,) of albedo and gradients (n, 3) of the relief, float32, at ``points`` (n, 3) in
-        metres, where a pixel is ``pixel_m`` (n,) wide on the ground."""
+        """Sample the pattern at ``points`` (n, 3) in metres, where a pixel is ``pixel_m`` (n,) wide on the ground.
+
+        Return the relative deviations (n,) of albedo and the gradients (n, 3) of the relief, float32.
+        """
         east, north = ((points[:, axis] + _SKEW[axis] * points[:, 2]).astype(np.float32) for axis in (0, 1))
         per_pixel = (1.0 / (_FADE_PX * pixel_m)).astype(np.float32)
         albedo, along, aside = np.zeros((3, len(points)), np.float32)
@@ -61,7 +66,7 @@ class Pattern:
 
 
 def draw_pattern(random: np.random.Generator) -> Pattern:
-    """A random pattern: its longest wavelength, its roughness, and how strong albedo and relief vary."""
+    """Draw a random pattern: its longest wavelength, its roughness, and the strength of albedo and relief."""
     longest = np.exp(random.uniform(*np.log(_LONGEST_M)))
     wavelength = longest / 2.0 ** np.arange(_OCTAVES)
     fall = random.uniform(0.5, 1.0, 2)[:, None] ** np.arange(_OCTAVES)
@@ -77,7 +82,7 @@ def draw_pattern(random: np.random.Generator) -> Pattern:
 
 
 def _sample_tile(u: Array, v: Array) -> Array:
-    """The tile's three channels (n, 3) at texel coordinates (n,) of any size, linear between texels."""
+    """Sample the tile's three channels (n, 3) at texel coordinates (n,) of any size, linearly between texels."""
     count, rows = len(u), -(-len(u) // _ROW)
     place = np.zeros((2, rows * _ROW), np.float32)
     for own, each in zip(place, (u, v), strict=True):
@@ -89,8 +94,10 @@ def _sample_tile(u: Array, v: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _make_tile() -> Array:
-    """Periodic noise (texels, texels, 3) float32 around one wavelength: a field, and the two slopes of another field;
-    every channel has the standard deviation 1."""
+    """Make periodic noise (texels, texels, 3) float32 around one wavelength.
+
+    The channels are a field, and the two slopes of another field. Each has the standard deviation 1.
+    """
     random = make_generator(0, "surface", 46)
     frequency = np.fft.fftfreq(_TILE_TEXELS) * _TILE_TEXELS
     down, across = frequency[:, None], frequency[None, :]

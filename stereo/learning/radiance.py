@@ -12,7 +12,7 @@ from ...rays.shapes import Hits, dot_products, normalize
 from ...support.arrays import Array
 from .grounds import GROUND, Ground
 
-#: Share of the distance by which shadow rays start above the surface: above the error of single precision.
+#: Share of the distance by which shadow rays start above the surface. It exceeds the error of single precision.
 _LIFT = 2e-4
 #: Bounds of the albedo after a pattern has changed it.
 _MIN_ALBEDO, _MAX_ALBEDO = 0.02, 0.995
@@ -25,8 +25,10 @@ _BOUNCES = 3
 
 @dataclass(frozen=True)
 class PointLamp:
-    """A lamp at a point ``position_m`` (3,) of the world, which shines alike in all directions and hides nothing. Its
-    radiant intensity counts light as the Sun's irradiance does, see ``physics.light.lamps``."""
+    """A lamp at a point ``position_m`` (3,) of the world, which shines equally in all directions and hides nothing.
+
+    Its radiant intensity counts light as the Sun's irradiance does, see ``physics.light.lamps``.
+    """
 
     position_m: Array
     intensity_w_sr: float
@@ -34,9 +36,12 @@ class PointLamp:
 
 @dataclass(frozen=True)
 class Lighting:
-    """Light on a ground: the unit vector ``sun`` (3,) to the Sun, its irradiance and angular radius; ``sky`` is the
-    irradiance of level ground by an even sky, over the Sun's irradiance, so that an irradiance of 0 is a dark night.
-    ``other_albedo`` (k,) are the albedos of rocks and shapes by their number. ``lamp`` shines besides."""
+    """Light on a ground.
+
+    ``sun`` (3,) is the unit vector to the Sun; its irradiance and angular radius follow. ``sky`` is the ratio of the
+    irradiance of level ground by an even sky to the Sun's irradiance, so that an irradiance of 0 is a dark night.
+    ``other_albedo`` (k,) are the albedos of rocks and shapes by their number. ``lamp`` is an additional light.
+    """
 
     sun: Array
     irradiance_wm2: float
@@ -55,9 +60,11 @@ def compute_radiance(
     indirect: Array,
     random: np.random.Generator,
 ) -> Array:
-    """Radiance (n,) in W/(m² sr) along rays (n, 3) from ``origin`` (3,), 0 for the sky. ``pixel_rad`` is the width of a
-    pixel. ``indirect`` (n,) is the irradiance by other ground and the sky, see ``measure_indirect``. ``random`` draws
-    the point on the Sun for each ray."""
+    """Compute the radiance (n,), W/(m² sr), along rays (n, 3) from ``origin`` (3,), 0 for the sky.
+
+    ``pixel_rad`` is the width of a pixel. ``indirect`` (n,) is the irradiance by other ground and the sky, see
+    ``measure_indirect``. ``random`` draws the point on the Sun for each ray.
+    """
     hits = ground.tracer.intersect(origin, direction, 1e-3, _FARTHEST_M)
     met = np.flatnonzero(hits.met)
     radiance = np.zeros(len(direction))
@@ -69,7 +76,7 @@ def compute_radiance(
     toward = _draw_on_sun(light, len(met), random)
     radiance[met] = _scatter(law, normal, toward, seen.back, light.irradiance_wm2 * _find_lit(ground, seen, toward))
     if light.lamp is not None:
-        toward, irradiance = _shine(ground, light.lamp, seen)
+        toward, irradiance = _light_by_lamp(ground, light.lamp, seen)
         radiance[met] += _scatter(law, normal, toward, seen.back, irradiance)
     radiance[met] += np.minimum(albedo, 1.0) * indirect[met] / np.pi
     return radiance
@@ -78,10 +85,11 @@ def compute_radiance(
 def measure_indirect(
     ground: Ground, light: Lighting, origin: Array, direction: Array, rays_each: int, random: np.random.Generator
 ) -> Array:
-    """Irradiance (n,) in W/m² by other ground and the sky at the hits of rays (n, 3); 0 where a ray meets nothing.
+    """Measure the irradiance (n,), W/m², by other ground and the sky at the hits of rays (n, 3); 0 where a ray meets
+    nothing.
 
-    ``rays_each`` rays are followed over ``_BOUNCES`` bounces off Lambert ground. Where they end, the ground is taken to
-    have the mean of this light over all rays.
+    ``rays_each`` rays are followed over ``_BOUNCES`` bounces off Lambert ground. The ground where they end is assumed
+    to have the mean of this light over all rays.
     """
     hits = ground.tracer.intersect(origin, direction, 1e-3, _FARTHEST_M)
     met = np.flatnonzero(hits.met)
@@ -105,7 +113,7 @@ def measure_indirect(
         start, normal = seen.lifted, seen.normal
         gathered[going] += weight * light.irradiance_wm2 * lit * np.maximum(normal @ light.sun, 0.0)
         if light.lamp is not None:
-            toward, irradiance = _shine(ground, light.lamp, seen)
+            toward, irradiance = _light_by_lamp(ground, light.lamp, seen)
             gathered[going] += weight * irradiance * np.maximum(dot_products(normal, toward), 0.0)
     rest = np.zeros(len(gathered))
     rest[going] = weight
@@ -116,8 +124,11 @@ def measure_indirect(
 
 @dataclass(frozen=True)
 class _Points:
-    """Where n rays met the ground: ``points`` (n, 3), unit vectors ``back`` (n, 3) to the rays' origins, unit normals
-    (n, 3) on that side, distances ``away_m`` (n,), ``label`` (n,) and ``number`` (n,), see ``grounds``."""
+    """Places where n rays met the ground.
+
+    ``points`` (n, 3) have unit vectors ``back`` (n, 3) to the rays' origins, unit normals (n, 3) on that side,
+    distances ``away_m`` (n,), ``label`` (n,) and ``number`` (n,), see ``grounds``.
+    """
 
     points: Array
     back: Array
@@ -128,12 +139,12 @@ class _Points:
 
     @property
     def lifted(self) -> Array:
-        """The points (n, 3), lifted above their surfaces for rays that start there."""
+        """Points (n, 3), lifted above their surfaces for rays that start there."""
         return np.asarray(self.points + (_LIFT * self.away_m)[:, None] * self.normal)
 
 
 def _find_points(ground: Ground, hits: Hits, met: Array, origin: Array, ahead: Array) -> _Points:
-    """The hits of the rays ``met`` (n,), which go ``ahead`` (n, 3) from ``origin``, (3,) or (n, 3)."""
+    """Find the hits of the rays ``met`` (n,), which go ``ahead`` (n, 3) from ``origin``, (3,) or (n, 3)."""
     along, tables = hits.along[met], ground.shading
     long = np.sqrt(dot_products(ahead, ahead))
     back = ahead * (-1.0 / long)[:, None]
@@ -146,11 +157,11 @@ def _find_points(ground: Ground, hits: Hits, met: Array, origin: Array, ahead: A
 
 
 def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: float) -> tuple[Array, Array]:
-    """Albedos (n,) and unit normals (n, 3) with the ground's pattern of albedo and relief."""
+    """Return the albedos (n,) and unit normals (n, 3) with the ground's pattern of albedo and relief."""
     slant = np.maximum(dot_products(seen.normal, seen.back), 0.15)
     deviation, slope = ground.recipe.pattern.sample(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
     normal = normalize(seen.normal - slope + dot_products(slope, seen.normal)[:, None] * seen.normal)
-    # A normal that the relief turned away from the eye is turned back until it just faces the eye.
+    # Relief may turn a normal away from the eye. Such a normal is turned back until it just faces the eye.
     short = np.maximum(_MIN_COSINE - dot_products(normal, seen.back), 0.0)
     normal = normalize(normal + short[:, None] * seen.back)
     others = light.other_albedo[seen.number % len(light.other_albedo)]
@@ -159,16 +170,21 @@ def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: floa
 
 
 def _find_lit(ground: Ground, seen: _Points, toward: Array, reach: float = _FARTHEST_M) -> Array:
-    """Whether points face a light in the directions ``toward`` (n, 3), and nothing is in between on a way of ``reach``
-    times their length."""
+    """Find the points, bool (n,), that face a light in the directions ``toward`` (n, 3) and are not in shadow.
+
+    Only surfaces within ``reach`` times the length of the directions cast shadows.
+    """
     lit = dot_products(seen.normal, toward) > 0
     asked = np.flatnonzero(lit)
     lit[asked] = ~ground.tracer.is_blocked(seen.lifted[asked], toward[asked], 0.0, np.full(len(asked), reach))
     return lit
 
 
-def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array]:
-    """Unit vectors (n, 3) from points to a lamp, and the irradiance (n,) of facing surfaces there, 0 in shadow."""
+def _light_by_lamp(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array]:
+    """Return unit vectors (n, 3) from points to a lamp, and the irradiance (n,), W/m², of surfaces that face it.
+
+    The irradiance is 0 in shadow.
+    """
     way = lamp.position_m - seen.lifted
     lit = _find_lit(ground, seen, way, 1.0)  # up to the lamp, not beyond it
     square = dot_products(way, way)
@@ -176,14 +192,16 @@ def _shine(ground: Ground, lamp: PointLamp, seen: _Points) -> tuple[Array, Array
 
 
 def _scatter(law: Law, normal: Array, toward: Array, back: Array, irradiance: Array) -> Array:
-    """Compute the radiance (n,), W/(m² sr), by light from ``toward`` (n, 3) with this irradiance (n,) of facing
-    surfaces."""
+    """Compute the radiance (n,), W/(m² sr), by light from ``toward`` (n, 3).
+
+    ``irradiance`` (n,), W/m², is for surfaces that face the light.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the light
         return irradiance * np.where(irradiance > 0, law(*_measure_angles(normal, toward, back)), 0.0)
 
 
 def _draw_on_sun(light: Lighting, count: int, random: np.random.Generator) -> Array:
-    """Unit vectors (count, 3) to random points of the Sun's disc."""
+    """Draw unit vectors (count, 3) to random points of the Sun's disc."""
     aside = normalize(np.cross(light.sun, [0.0, 0.0, 1.0] if abs(light.sun[2]) < 0.9 else [1.0, 0.0, 0.0])[None])[0]
     up = np.cross(aside, light.sun)
     share, turn = random.random((2, count), np.float32)
@@ -193,7 +211,10 @@ def _draw_on_sun(light: Lighting, count: int, random: np.random.Generator) -> Ar
 
 
 def _draw_cosine(normal: Array, random: np.random.Generator) -> Array:
-    """Directions (n, 3) above surfaces with these unit normals (n, 3), with a density proportional to the cosine."""
+    """Draw directions (n, 3) above surfaces with these unit normals (n, 3).
+
+    The density is proportional to the cosine.
+    """
     height, angle = 2 * random.random(len(normal)) - 1, 2 * math.pi * random.random(len(normal))
     flat = np.sqrt(1 - height**2)
     ball = np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
@@ -201,8 +222,10 @@ def _draw_cosine(normal: Array, random: np.random.Generator) -> Array:
 
 
 def _measure_angles(normal: Array, toward: Array, back: Array) -> tuple[Array, Array, Array]:
-    """Incidence, emission, and the azimuth between them, radians (n,); the azimuth is 0 where the light is behind the
-    observer."""
+    """Measure incidence, emission, and the azimuth between them, radians (n,).
+
+    The azimuth is 0 where the light is behind the observer.
+    """
     cos_i, cos_e = dot_products(normal, toward), dot_products(normal, back)
     # The components along the surface.
     along: Array = toward - cos_i[:, None] * normal

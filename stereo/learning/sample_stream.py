@@ -1,4 +1,4 @@
-"""Training pairs made by rays as an ``IterableDataset`` of PyTorch."""
+"""Ray-traced training pairs as an ``IterableDataset`` of PyTorch."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .tensors import to_tensors
 class SampleStream(IterableDataset[dict[str, Any]]):
     """Samples without end, see ``made_pairs.MadePairs.make_sample``; arrays are tensors.
 
-    Worker k of n makes grounds k, k + n, k + 2 n and so on, so that no ground is built twice. A sample depends on its
-    number alone.
+    Worker k of n makes grounds k, k + n, k + 2 n and so on, so that no ground is built twice. A sample depends only on
+    its number.
     """
 
     def __init__(self, pairs: MadePairs, first_ground: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Sources of samples for training, by turns if there are several."""
+"""Sources of samples for training. Several sources are used in rotation."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any, Protocol
 
 
 class GroundSource(Protocol):
-    """Samples in groups, each of one ground made by rays or of some pairs. Numbers go on without end."""
+    """Samples in groups, each of one ray-traced ground or of some pairs. Numbers go on without end."""
 
     @property
     def name(self) -> str:
-        """A name for files, which differs where the samples differ."""
+        """Name for files, which differs where the samples differ."""
 
     def list_ground(self, number: int) -> Iterator[Mapping[str, Any]]:
-        """The samples of a group, as ``MadePairs.make_sample`` gives them."""
+        """Yield the samples of a group, as ``MadePairs.make_sample`` makes them."""
 
 
 class RotatingSources:
-    """Grounds of several sources, one after the other."""
+    """Grounds of several sources in rotation."""
 
     def __init__(self, sources: Sequence[GroundSource]) -> None:
         self._sources = sources

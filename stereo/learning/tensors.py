@@ -1,4 +1,4 @@
-"""Samples as tensors of PyTorch, which is imported when the first is made."""
+"""Samples as tensors of PyTorch, which is imported for the first sample."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...support.errors import IcyMoonError
 
 
 def require_torch() -> None:
-    """Raise IcyMoonError without PyTorch."""
+    """Raise IcyMoonError if PyTorch is missing."""
     try:
         import torch  # noqa: F401
     except ImportError:
@@ -21,7 +21,7 @@ def require_torch() -> None:
 
 
 def to_tensors(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A sample with its arrays as tensors. Raises IcyMoonError without PyTorch."""
+    """Return a sample with its arrays as tensors. Raises IcyMoonError if PyTorch is missing."""
     require_torch()
     import torch
 

@@ -1,7 +1,7 @@
-"""Training of a stereo network: steps, checkpoints from which the same run goes on, and a log.
+"""Training of a stereo network: steps, checkpoints from which the same run continues, and a log.
 
-All randomness of a step follows from the seed and the step's number, so that a run that was stopped and resumed has the
-losses of a run that was not. Grounds come one after the other: from a step on, the newest ``window`` grounds are used.
+The seed and the step's number determine all randomness of a step. So a run that was stopped and resumed has the same
+losses as an uninterrupted one. Grounds come one after the other; at each step, the newest ``window`` grounds are used.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from .training_record import make_metadata, write_record
 _KEYS = ("left", "right", "disparity_px", "valid", "occluded")
 _LOG_COLUMNS = ("step", "loss", "disparity", "levels", "confidence", "bad_1", "rate", "seconds")
 _FORMAT = 1
-#: The file with the weights alone, which the matcher icynet reads.
+#: The file with only the weights, which the matcher icynet reads.
 WEIGHTS_FILE = "weights.safetensors"
 #: The network for ONNX Runtime.
 ONNX_FILE = "weights.onnx"
@@ -46,10 +46,13 @@ ONNX_FILE = "weights.onnx"
 
 @dataclass(frozen=True)
 class Plan:
-    """How a network is trained. ``steps`` in all, of ``batch`` crops of ``crop_px`` (width, height) out of pairs of
-    ``pair_px``; the learning ``rate`` rises over ``warm_up`` steps and falls by a half cosine. A new ground comes every
-    ``steps_per_ground`` steps; ``window`` grounds are in use at a time. A step's search range is one of ``ranges_px``;
-    points beyond it do not count."""
+    """The plan of a training.
+
+    It has ``steps`` steps of ``batch`` crops of ``crop_px`` (width, height) from pairs of ``pair_px``. The learning
+    ``rate`` rises over ``warm_up`` steps and falls by a half cosine. A new ground comes every ``steps_per_ground``
+    steps; ``window`` grounds are in use at a time. A step's search range is one of ``ranges_px``; points beyond it do
+    not count.
+    """
 
     steps: int
     batch: int
@@ -63,22 +66,22 @@ class Plan:
     seed: int = 0
 
     def find_rate(self, step: int) -> float:
-        """The learning rate of a step."""
+        """Return the learning rate of a step."""
         rise = min(1.0, (step + 1) / self.warm_up)
         return self.rate * rise * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, step / self.steps))))
 
     def draw_range_px(self, step: int) -> int:
-        """The search range of a step, at random."""
+        """Draw the search range of a step."""
         return int(make_generator(self.seed, "training", 3, step).choice(self.ranges_px))
 
     def list_grounds(self, step: int) -> range:
-        """The numbers of the grounds in use at a step."""
+        """List the numbers of the grounds in use at a step."""
         newest = step // self.steps_per_ground
         return range(max(0, newest - self.window + 1), newest + 1)
 
 
 class CachedGrounds:
-    """Samples of grounds as arrays, in files of a folder if one is given; a broken file is made again."""
+    """Samples of grounds as arrays, in files of a folder if one is given. A broken file is made again."""
 
     def __init__(self, pairs: GroundSource, folder: Path | None = None) -> None:
         self._pairs, self._folder = pairs, folder
@@ -86,13 +89,13 @@ class CachedGrounds:
         self._loaded: dict[int, dict[str, Array]] = {}
 
     def read(self, number: int) -> dict[str, Array]:
-        """The samples of a ground, stacked: images uint8, disparities float32."""
+        """Read the samples of a ground, stacked: images uint8, disparities float32."""
         if number not in self._loaded:
             self._loaded[number] = self._load(number)
         return self._loaded[number]
 
     def drop(self, keep: range) -> None:
-        """Forget the grounds that are no longer used, and remove their files."""
+        """Forget the grounds that are not in ``keep``, and remove their files."""
         for number in [each for each in self._loaded if each not in keep]:
             del self._loaded[number]
             if file := self._find_file(number):
@@ -121,7 +124,7 @@ class CachedGrounds:
 
 
 def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch.Tensor]:
-    """The crops of a step as tensors, from random grounds in use. Some are upside down, both eyes alike."""
+    """Draw the crops of a step as tensors, from random grounds in use. Some pairs are turned upside down."""
     random = make_generator(plan.seed, "training", 2, step)
     numbers = plan.list_grounds(step)
     columns, rows = plan.crop_px
@@ -136,7 +139,7 @@ def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch
             crop = found[key][sample][..., row : row + rows, column : column + columns]
             parts[key].append(crop[..., ::step_down, :])
     batch = {key: torch.from_numpy(np.ascontiguousarray(np.stack(each))) for key, each in parts.items()}
-    # A point whose partner is left of the crop is not seen there.
+    # A point that matches a column left of the crop is hidden in the crop.
     beyond = torch.arange(columns) + 0.5 < batch["disparity_px"]
     batch["occluded"] = batch["occluded"] | (beyond & batch["valid"])
     for eye in ("left", "right"):
@@ -145,10 +148,10 @@ def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch
 
 
 class Run:
-    """A training run in a folder: ``checkpoint.pt``, the weights, ``log.csv``, a card and a curve. Opened again, it
-    goes on after its last checkpoint.
+    """A training run in a folder: ``checkpoint.pt``, the weights, ``log.csv``, a card and a curve.
 
-    Raises IcyMoonError for a broken checkpoint, or one of another plan.
+    A run that is opened again continues after its last checkpoint. Raises IcyMoonError for a broken checkpoint, or one
+    of another plan.
     """
 
     def __init__(
@@ -169,7 +172,10 @@ class Run:
         return self.folder / "checkpoint.pt"
 
     def iterate(self) -> Iterator[dict[str, float]]:
-        """Train to the end of the plan; yields the row of each step. Raises IcyMoonError if the loss is no number."""
+        """Train to the end of the plan, and yield the row of each step.
+
+        Raises IcyMoonError if the loss is not finite.
+        """
         self.network.train()
         while self.step < self.plan.steps:
             start = time.perf_counter()
@@ -200,8 +206,10 @@ class Run:
         return {"step": self.step, "loss": values.pop("total"), **values, "rate": rate}
 
     def save(self) -> None:
-        """Write the checkpoint, then the weights for the matcher icynet, then the log. Raises IcyMoonError if the disk
-        is full; the last checkpoint stays."""
+        """Write the checkpoint, then the weights for the matcher icynet, then the log.
+
+        Raises IcyMoonError if the disk is full; then the last checkpoint stays.
+        """
         stream = io.BytesIO()
         torch.save(
             {
@@ -235,12 +243,14 @@ class Run:
             write_bytes(self.folder / ONNX_FILE, export_onnx(self.network))
 
     def start_from(self, weights: Path) -> None:
-        """Take the weights of an earlier training, unless this run goes on. Raises IcyMoonError if they do not fit."""
+        """Load the weights of an earlier training if this run is at its first step. Raises IcyMoonError if they do not
+        fit.
+        """
         if self.step == 0:
             fill_parameters(self.network, read_parameters(weights), weights, self.trainable.name)
 
     def _describe(self) -> dict[str, Any]:
-        """The identity of a run (plan, network and grounds) as plain values."""
+        """Describe the identity of a run (plan, network and grounds) by plain values."""
         plan = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.plan).items()}
         return {**plan, "network": self.trainable.name, "grounds": self._grounds.name}
 
@@ -259,7 +269,7 @@ class Run:
 
 
 def read_checkpoint(file: Path) -> dict[str, Any]:
-    """The contents of a checkpoint, without running code from it. Raises IcyMoonError for a broken file."""
+    """Read the contents of a checkpoint, without running code from it. Raises IcyMoonError for a broken file."""
     try:
         state = torch.load(file, map_location="cpu", weights_only=True)
         if state["format"] == _FORMAT and {"plan", "step", "network", "optimizer", "rows"} <= state.keys():

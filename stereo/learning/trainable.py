@@ -20,8 +20,11 @@ from ..networks.icynet import IcyNet
 
 @dataclass(frozen=True)
 class Found:
-    """What a network gives for a batch: disparities (N, H, W) in px, and logits of the confidence (N, H, W) and costs
-    (N, D, H/4, W/4) of levels of 4 px where it has them."""
+    """The result of a network for a batch.
+
+    It has disparities (N, H, W) in px and, if the network gives them, logits of the confidence (N, H, W) and costs (N,
+    D, H/4, W/4) of levels of 4 px.
+    """
 
     disparity: Tensor
     logit: Tensor | None = None
@@ -30,8 +33,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Trainable:
-    """A network by its ``name``. ``make(range_px)`` makes one with new weights; ``run(network, left, right, range_px)``
-    applies it to grey images (N, 1, H, W) from 0 to 1."""
+    """A network by its ``name``.
+
+    ``make(range_px)`` makes a network with new weights. ``run(network, left, right, range_px)`` applies it to grey
+    images (N, 1, H, W) from 0 to 1.
+    """
 
     name: str
     make: Callable[[int], nn.Module]
@@ -48,7 +54,9 @@ ICYNET = Trainable("icynet", IcyNet, _run_icynet)
 
 
 def find_trainable(text: str) -> Trainable:
-    """The network of a matcher's name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if there is none."""
+    """Find the network of a matcher's name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if it does not
+    exist.
+    """
     if text == ICYNET.name:
         return ICYNET
     module, _, name = text.partition(":")
@@ -64,7 +72,10 @@ def find_trainable(text: str) -> Trainable:
 
 
 def _find_matchers_network(name: str) -> Trainable:
-    """The network of a matcher whose module has ``NETWORK`` and ``apply_in_training``."""
+    """Find the network of a matcher whose module has ``NETWORK`` and ``apply_in_training``.
+
+    Raises IcyMoonError if the matcher has none.
+    """
     matcher = getattr(load_matcher(name), "loaded", None)
     network, apply = (getattr(matcher, each, None) for each in ("NETWORK", "apply_in_training"))
     if network is None or apply is None:

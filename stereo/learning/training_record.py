@@ -1,4 +1,4 @@
-"""The record of a training run beside its weights: a card with the origin of the weights, and a curve of the losses."""
+"""Writes the record of a training run beside its weights: a card with their origin, and a curve of the losses."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from ..report.charts import METHOD_COLOURS, STYLE
 from ..report.sweep_charts import ON_WHITE
 
 CARD_FILE, CURVE_FILE = "card.md", "curve.png"
-#: Steps whose numbers the card averages, and the part of a run over which the curve averages.
+#: Number of last steps that the card averages, and the part of a run over which the curve averages.
 _LAST_STEPS, _AVERAGED_SHARE = 100, 0.02
 _CURVES = (("loss", "loss", 1.0), ("bad_1", "% of pixels wrong by over 1 px", 100.0))
 
 
 def write_record(folder: Path, plan: Mapping[str, Any], rows: Sequence[Mapping[str, float]]) -> None:
-    """Write the card and the curve of a run with these ``rows`` of its log into its folder. ``plan`` are
-    its settings. Raises IcyMoonError if the disk is full."""
+    """Write the card and the curve of a run into its folder.
+
+    ``plan`` are its settings, ``rows`` the rows of its log. Raises IcyMoonError if the disk is full.
+    """
     write_text(folder / CARD_FILE, _describe(plan, rows))
     write_atomically(folder / CURVE_FILE, lambda part: _draw_curve(part, rows))
 
@@ -61,7 +63,7 @@ def _describe(plan: Mapping[str, Any], rows: Sequence[Mapping[str, float]]) -> s
 
 
 def _draw_curve(file: Path, rows: Sequence[Mapping[str, float]]) -> None:
-    """The loss and the share of wrong pixels against the step, averaged over a part of the run."""
+    """Draw the loss and the share of wrong pixels against the step, averaged over a part of the run."""
     with matplotlib.rc_context({**STYLE, **ON_WHITE}):
         figure = Figure(figsize=(8.0, 3.2), facecolor="white", layout="constrained")
         FigureCanvasAgg(figure)
@@ -78,6 +80,6 @@ def _draw_curve(file: Path, rows: Sequence[Mapping[str, float]]) -> None:
 
 
 def _average(steps: Array, values: Array, window: int) -> tuple[Array, Array]:
-    """Running means of ``steps`` and ``values`` over ``window`` steps."""
+    """Return running means of ``steps`` and ``values`` over ``window`` steps."""
     share = np.full(window, 1.0 / window)
     return np.convolve(steps, share, "valid"), np.convolve(values, share, "valid")

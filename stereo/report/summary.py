@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ..inference.scene_means import average_by_scene, find_mean_intervals, find_simultaneous_intervals
-from ..inference.typical_scene import compare_in_typical_scene, find_rank_ranges, list_method_pairs, subtract
+from ..inference.typical_scene import compare_in_typical_scene, find_differences, find_rank_ranges, list_method_pairs
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD_RATES, ERROR_QUANTILES, ERROR_STEPS_M, KEPT_SHARES, L1_RATES
 from ..measure.row_metrics import NUMBERS, REGION_METRICS
@@ -273,7 +273,7 @@ def _subtract_by_scene(table: ResultTable, a: int, b: int, metric: ComparedMetri
     means = average_by_scene(both, table.scenes)
     if metric.ratio:
         means = np.maximum(means, _MIN_COMPARED)
-    return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
+    return find_differences(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 
 def _average_columns(columns: Array) -> Array:

@@ -12,7 +12,7 @@ from icymoon.benchmarks.stereo import fused_suns as study
 from icymoon.physics.light.sky import elevation_deg
 from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH
-from icymoon.stereo.learning.grounds import build_ground, close_ground
+from icymoon.stereo.learning.grounds import build_ground, release_ground
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.report.row_log import RowLog
 
@@ -85,7 +85,7 @@ def test_arms_differ_in_what_they_should():
     try:
         workspace, images = study.look_under_suns(ground)
     finally:
-        close_ground(ground)
+        release_ground(ground)
     first = workspace.prepared
     assert [len(images[arm]) for arm in study.ARMS] == [1, 1, 4, 1, 4]
     assert images[study.ONE][0] is images[study.SAME][0] is images[study.SUNS][0] is first

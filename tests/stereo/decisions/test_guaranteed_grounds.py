@@ -16,7 +16,7 @@ from icymoon.stereo.decisions.scores import THRESHOLDS
 from icymoon.stereo.decisions.stored_maps import TRUE_DEPTH
 from icymoon.stereo.decisions.workspace import FEATURES, decide_from_depth
 from icymoon.stereo.design.made_workspaces import name_pair
-from icymoon.stereo.learning.grounds import HELD_OUT_LANDFORMS, build_ground, close_ground
+from icymoon.stereo.learning.grounds import HELD_OUT_LANDFORMS, build_ground, release_ground
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.report.row_log import RowLog
 
@@ -109,7 +109,7 @@ def test_the_true_depth_agrees_with_the_exact_heights():
     try:
         workspace = study.make_workspace_of_ground(ground)
     finally:
-        close_ground(ground)
+        release_ground(ground)
     off = decide_from_depth(workspace, workspace.prepared.truth).dem.height_m - workspace.truth.dem.height_m
     assert np.median(workspace.truth.sites.layers.slope_deg[workspace.inside]) > 6
     assert np.nanmedian(np.abs(off[workspace.seen])) < 0.001

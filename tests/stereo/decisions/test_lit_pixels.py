@@ -7,7 +7,7 @@ import pytest
 from icymoon.benchmarks.stereo import lit_pixels as study
 from icymoon.physics.light.directions import direction_toward
 from icymoon.stereo.design.made_workspaces import draw_recipes
-from icymoon.stereo.learning.grounds import Variety, build_ground, close_ground
+from icymoon.stereo.learning.grounds import Variety, build_ground, release_ground
 from icymoon.stereo.learning.radiance import Lighting
 from icymoon.stereo.measure.by_pixel_class import MATERIAL
 from stand_ins import stand_in
@@ -53,4 +53,4 @@ def test_a_sun_overhead_reaches_all_bare_ground_and_one_below_it_nothing():
             light = Lighting(direction_toward(40.0, elevation), 50.0, 0.001, 0.0, np.ones(32))
             assert study.find_sunlit(ground, light).mean() == share
     finally:
-        close_ground(ground)
+        release_ground(ground)

@@ -19,7 +19,7 @@ from icymoon.stereo.decisions.materials import (
     Materials,
     compute_white_radiance,
     make_true_materials,
-    measure,
+    measure_materials,
     refuse_lamps,
 )
 from icymoon.stereo.decisions.rules import read_rules
@@ -62,7 +62,7 @@ def found(pair, *parts, share=SHARES, dim=1.0):
     x, y = grid.centres()
     planes = fit_planes(EAST * x + NORTH * y, CELL, 0.1)
     white = compute_white_radiance(images, settings)
-    made = measure(white, position, np.arange(len(position)), grid, planes, SUN, IRRADIANCE, settings)
+    made = measure_materials(white, position, np.arange(len(position)), grid, planes, SUN, IRRADIANCE, settings)
     middles = slice(4, -4), np.arange(4) * COLUMNS // 4 + COLUMNS // 8  # away from edges, which demosaicing blurs
     return made.albedo[middles], made.salt[middles], mixed.mean(axis=1)[:: width // 4]
 

@@ -16,7 +16,7 @@ from icymoon.stereo.design.compare_suites import (
     RISK,
     TIME,
     Measured,
-    collect,
+    collect_numbers,
     compare,
     compare_rankings,
     compute_energy,
@@ -160,7 +160,7 @@ def test_a_summary_counts_and_grounds_with_a_failed_suite_are_left_out():
         for k in range(40)
     }
     rows["ground-0-40"] = {name: {"status": "failed" if name == "bm" else "ok", "numbers": None} for name in names}
-    measured = collect(DESIGN, rows)
+    measured = collect_numbers(DESIGN, rows)
     assert (len(measured.grounds), measured.left_out) == (40, 1)
     for entry in summarise(DESIGN, measured):
         assert (entry["grounds"], entry["acted"], entry["unsafe"], entry["dangerous"]) == (40, 20, 10, 10)

@@ -45,7 +45,7 @@ def made(monkeypatch):
         }
 
     monkeypatch.setattr(study_of, "build_ground", lambda recipe: None)
-    monkeypatch.setattr(study_of, "close_ground", lambda ground: None)
+    monkeypatch.setattr(study_of, "release_ground", lambda ground: None)
     monkeypatch.setattr(study_of._OpenGround, "measure", measure)
     return made
 

@@ -119,12 +119,12 @@ def test_a_lamp_in_a_rock_is_one_sentence():
         with pytest.raises(IcyMoonError, match=r"m inside the ground or a rock.*raise lamp.up_m or rig.height_m\.$"):
             light_night(buried, ground, day, settings)
     finally:
-        study_of.close_ground(ground)
+        study_of.release_ground(ground)
 
 
 def test_a_suite_that_fails_has_a_row_and_stops_no_other(tmp_path, monkeypatch):
     monkeypatch.setattr(study_of, "build_ground", lambda recipe: None)
-    monkeypatch.setattr(study_of, "close_ground", lambda ground: None)
+    monkeypatch.setattr(study_of, "release_ground", lambda ground: None)
 
     def measure(self, suite):
         if suite.name == "twin":

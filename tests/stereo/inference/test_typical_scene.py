@@ -11,10 +11,10 @@ from icymoon.stereo.inference.typical_scene import (
     compare_in_typical_scene,
     count_scenes_for_methods,
     count_scenes_needed,
+    find_differences,
     find_limit,
     find_rank_ranges,
     list_method_pairs,
-    subtract,
 )
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -119,13 +119,12 @@ def test_zeros_ties_and_rounding_are_no_evidence():
 def test_methods_that_differ_by_rounding_do_not_differ():
     errors = np.random.default_rng(0).lognormal(0, 1, 30)
     for logarithmic in (False, True):
-        apart = subtract(errors * (1 + 1e-13), errors, logarithmic)
+        apart = find_differences(errors * (1 + 1e-13), errors, logarithmic)
         assert not apart.any()
         assert not compare_in_typical_scene(apart[:, None], 0).found[0]
-    assert compare_in_typical_scene(subtract(errors * 1.001, errors, True)[:, None], 0).typical[0] == pytest.approx(
-        math.log(1.001)
-    )
-    assert np.isnan(subtract(np.array([np.nan]), np.array([1.0]))).all()
+    apart = find_differences(errors * 1.001, errors, True)
+    assert compare_in_typical_scene(apart[:, None], 0).typical[0] == pytest.approx(math.log(1.001))
+    assert np.isnan(find_differences(np.array([np.nan]), np.array([1.0]))).all()
 
 
 def test_undefined_scenes_are_left_out_of_their_own_comparison_only():

@@ -9,7 +9,7 @@ from icymoon.settings.description import merged
 from icymoon.stereo.design.default_lander import GENTLE_TERRAINS, LANDER
 from icymoon.stereo.design.made_workspaces import draw_recipes
 from icymoon.stereo.landed_day.dug_ground import dig_ground, open_series
-from icymoon.stereo.learning.grounds import Variety, build_ground, close_ground
+from icymoon.stereo.learning.grounds import Variety, build_ground, release_ground
 
 LENGTH_M, WIDTH_M, BITE_M = 0.2, 0.08, 0.02
 
@@ -19,7 +19,7 @@ def ground():
     (recipe,) = draw_recipes(0, "ground", 1, Variety(GENTLE_TERRAINS))
     made = build_ground(recipe)
     yield made
-    close_ground(made)
+    release_ground(made)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_the_patch_of_untouched_ground_changes_nothing(ground, series):
     try:
         off = look_down(same, series.site.grid) - look_down(ground, series.site.grid)
     finally:
-        close_ground(same)
+        release_ground(same)
     assert np.abs(off).max() < 5e-4
     assert np.abs(off).mean() < 3e-5
 
@@ -71,7 +71,7 @@ def test_the_trench_in_the_rays_has_the_volume_of_the_excavation(ground, series,
     try:
         change = look_down(dug, grid) - look_down(ground, grid)
     finally:
-        close_ground(dug)
+        release_ground(dug)
     west, south, east, north = series.site.trench_m
     columns = (grid.east_m[:-1] > west) & (grid.east_m[1:] < east)
     rows = (grid.north_m[:-1] > south) & (grid.north_m[1:] < north)

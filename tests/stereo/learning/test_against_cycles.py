@@ -32,12 +32,12 @@ def make_ground(monkeypatch, terrain):
     """An even Lambert surface with the shape of a terrain, of flat triangles: what light does where a smooth normal
     faces the Sun and its triangle does not is for each renderer to decide."""
     monkeypatch.setattr(grounds, "_SPACING", 0.04)
-    place = grounds._place
+    place = grounds._make_instances
 
     def place_flat(vertices, triangles, label, places, smooth):
         return place(vertices, triangles, label, places, smooth=False)
 
-    monkeypatch.setattr(grounds, "_place", place_flat)
+    monkeypatch.setattr(grounds, "_make_instances", place_flat)
     grounds._make_rings.cache_clear()
     recipe = draw_recipe(0, "train", 0)
     pattern = replace(recipe.pattern, albedo=0 * recipe.pattern.albedo, slope=0 * recipe.pattern.slope)

@@ -219,7 +219,7 @@ def test_own_ground_stands_where_the_terrain_of_the_settings_does():
         height = make_terrain(blades, seed).heights(x, y, 0.01)[0]
         assert 30.0 - met.along[0] == pytest.approx(height, abs=0.02)  # triangles of 1.2 cm
     finally:
-        grounds.close_ground(ground)
+        grounds.release_ground(ground)
 
 
 def test_own_ground_has_the_skirts_of_its_rocks(monkeypatch):
@@ -244,8 +244,8 @@ def test_own_ground_has_the_skirts_of_its_rocks(monkeypatch):
         assert (raised[away > 3.0] == 0.0).all()
     finally:
         grounds._make_rings.cache_clear()
-        grounds.close_ground(ground)
-        grounds.close_ground(bare)
+        grounds.release_ground(ground)
+        grounds.release_ground(bare)
 
 
 NIGHT = Lighting(SUN, 0.0, 0.0, 0.3, np.full(4, 0.5))
