@@ -16,8 +16,8 @@ import numpy as np
 
 from ...support.arrays import Array, Numbers
 
-#: Steps in rows and columns to a cell's neighbours in 5 of the 16 directions. The transposed grid adds 3 directions, and
-#: the other 8 are opposites. With 8 directions in all, slopes would be up to 5 % too steep.
+#: Steps in rows and columns to a cell's neighbours in 5 of the 16 directions. The transposed grid adds 3, and the
+#: other 8 are opposites. With 8 directions in all, slopes would be up to 5 % too steep.
 _NEIGHBOURS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
 #: The directions that only the transposed grid has, as steps on that grid.
 _NEIGHBOURS_TRANSPOSED = ((1, 0), (2, 1), (2, -1))
