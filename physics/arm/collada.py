@@ -25,7 +25,7 @@ from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
 from ...support.number_text import format_count
-from .kinematics import rigid_transform, rotation_about
+from .kinematics import make_rigid_transform, rotation_about
 
 Number = TypeVar("Number", int, float)
 #: Maximum number of nodes and their parts; each counts as many times as the scene shows it.
@@ -167,9 +167,9 @@ class _ColladaDocument:
         if item.tag == "scale":
             return np.diag([*values, 1.0])
         return (
-            rigid_transform(place=values)
+            make_rigid_transform(place=values)
             if item.tag == "translate"
-            else rigid_transform(_rotation_about(values[:3], math.radians(values[3])))
+            else make_rigid_transform(_rotation_about(values[:3], math.radians(values[3])))
         )
 
     # Geometries

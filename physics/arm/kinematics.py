@@ -76,7 +76,7 @@ class Arm:
         return np.array([joint.high for joint in self.joints])
 
 
-def cross_matrix(axis: Array) -> Array:
+def make_cross_matrix(axis: Array) -> Array:
     """Make the matrix (3, 3) that maps v to axis x v."""
     x, y, z = axis
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -84,11 +84,11 @@ def cross_matrix(axis: Array) -> Array:
 
 def rotation_about(axis: Array, angle: float) -> Array:
     """Make the rotation (3, 3) about a unit axis by an angle in radians (Rodrigues' formula)."""
-    k = cross_matrix(axis)
+    k = make_cross_matrix(axis)
     return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
 
 
-def rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
+def make_rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
     """Make a rigid transformation (4, 4) from a rotation (3, 3) and a translation (3,) in metres."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if rotation is None else rotation
@@ -96,7 +96,7 @@ def rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Ar
     return made
 
 
-def _zero_poses(arm: Arm) -> list[Array]:
+def _compute_zero_poses(arm: Arm) -> list[Array]:
     """Compute the pose (4, 4) of each link in the base's frame with all joints at 0."""
     found: list[Array] = []
     for joint in arm.joints:
@@ -104,15 +104,15 @@ def _zero_poses(arm: Arm) -> list[Array]:
     return found
 
 
-def _joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
+def _compute_joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
     """Compute the motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose with all joints at
     0; ``angle`` is in radians, or metres for a joint that slides.
     """
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:
-        return rigid_transform(place=axis * angle)
+        return make_rigid_transform(place=axis * angle)
     rotation, point = rotation_about(axis, angle), zero[:3, 3]
-    return rigid_transform(rotation, point - rotation @ point)
+    return make_rigid_transform(rotation, point - rotation @ point)
 
 
 def forward_kinematics(arm: Arm, joints_rad: Array) -> Array:
@@ -121,11 +121,11 @@ def forward_kinematics(arm: Arm, joints_rad: Array) -> Array:
 
     Limits are not applied: see ``find_joints_beyond_limits``.
     """
-    zeros = _zero_poses(arm)
+    zeros = _compute_zero_poses(arm)
     motions: list[Array] = []
     for joint, zero, angle in zip(arm.joints, zeros, np.asarray(joints_rad, np.float64), strict=True):
         before = motions[joint.parent] if joint.parent >= 0 else np.eye(4)
-        motions.append(before @ _joint_motion(joint, zero, float(angle)))
+        motions.append(before @ _compute_joint_motion(joint, zero, float(angle)))
     return np.stack([arm.base @ motion @ zero for motion, zero in zip(motions, zeros, strict=True)])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from . import parametric_arm
-from .kinematics import Arm, rigid_transform
+from .kinematics import Arm, make_rigid_transform
 from .lander_solids import Keypoint, list_arm_keypoints, list_still_keypoints, make_arm_solids, make_still_solids
 from .own_arm import load_users_arm, make_arm_at, parse_commanded
 from .parametric_arm import JOINTS, find_real_angles_rad, lander_pose, read_commanded_rad
@@ -33,7 +33,8 @@ def make_arm(settings: Settings, site_m: float = 0.0) -> Arm:
     arm = settings.arm
     return make_arm_at(
         load_users_arm(settings),
-        lander_pose(settings, site_m) @ rigid_transform(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m)),
+        lander_pose(settings, site_m)
+        @ make_rigid_transform(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m)),
     )
 
 

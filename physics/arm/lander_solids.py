@@ -16,7 +16,7 @@ import numpy as np
 from ...settings.topics.lander import ArmSettings, LanderSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from .kinematics import Capsule, rigid_transform
+from .kinematics import Capsule, make_rigid_transform
 from .parametric_arm import RADII_M
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, make_prism, make_rod, transform_solid
 
@@ -35,9 +35,9 @@ _DECK_M = 0.03
 #: Depth of the body under the deck, in metres.
 _BODY_DEPTH_M = 0.3
 #: Pose whose x axis is the y axis: turns a solid of revolution about x into one about y.
-_AXIS_X_TO_Y = rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+_AXIS_X_TO_Y = make_rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 #: Pose that turns a solid of revolution about x into one about z.
-_AXIS_X_TO_Z = rigid_transform(
+_AXIS_X_TO_Z = make_rigid_transform(
     np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
 )
 
@@ -79,7 +79,7 @@ def _make_upright(
     material: str, outline: Sequence[tuple[float, float]], at: tuple[float, ...] | Array, sides: int = 40
 ) -> Solid:
     """Make a solid of revolution about a vertical axis through ``at``, from an outline of (height, radius)."""
-    return transform_solid(make_lathe(material, outline, sides), rigid_transform(_AXIS_X_TO_Z[:3, :3], at))
+    return transform_solid(make_lathe(material, outline, sides), make_rigid_transform(_AXIS_X_TO_Z[:3, :3], at))
 
 
 def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
@@ -100,7 +100,8 @@ def _make_joint(radius: float, width: float) -> list[Solid]:
     """Make the solids of a joint: a cylinder along the y axis, with black caps and rings of bolts."""
     caps = [
         transform_solid(
-            _make_drum(BLACK, radius * 0.72, 0.02, 0.004), rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0))
+            _make_drum(BLACK, radius * 0.72, 0.02, 0.004),
+            make_rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0)),
         )
         for side in (-1, 1)
     ]
@@ -141,7 +142,7 @@ def _make_turret(arm: ArmSettings) -> Solid:
     ]
     floor = make_box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
     motors = [
-        transform_solid(_make_drum(BLACK, 0.045, 0.05), rigid_transform(place=(offset, side * 0.094, 0.0)))
+        transform_solid(_make_drum(BLACK, 0.045, 0.05), make_rigid_transform(place=(offset, side * 0.094, 0.0)))
         for side in (-1, 1)
     ]
     return join_solids([drum, band, *cheeks, floor, *motors])
@@ -176,7 +177,7 @@ def _make_segment(length: float, radius: float, joint: float, side: int) -> Soli
     parts += [make_rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
     places = np.linspace(inner + 0.12, end - 0.12, 3)
     ring = make_lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)])
-    parts += [transform_solid(ring, rigid_transform(place=(x, 0.0, 0.0))) for x in places]
+    parts += [transform_solid(ring, make_rigid_transform(place=(x, 0.0, 0.0))) for x in places]
     parts += [make_box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003) for x in places]
     return join_solids(parts)
 
@@ -197,7 +198,7 @@ def _make_hand(arm: ArmSettings) -> Solid:
 def _make_plate(corners: Sequence[tuple[float, float]], y: float, thick: float) -> Solid:
     """Make a flat plate of metal with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
     # make_prism takes its outline in x and y, with z as the height.
-    turn = rigid_transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    turn = make_rigid_transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
     return transform_solid(make_prism(METAL, corners, -y - thick / 2, -y + thick / 2), turn)
 
 
@@ -236,7 +237,7 @@ def _make_wall(start: tuple[float, float], end: tuple[float, float], width: floa
     along = math.hypot(end[0] - start[0], end[1] - start[1])
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     c, s = math.cos(angle), math.sin(angle)
-    turned = rigid_transform(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
+    turned = make_rigid_transform(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
     return transform_solid(make_box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
 
 

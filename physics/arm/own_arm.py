@@ -21,7 +21,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path, shorten
 from ...support.foreign_bytes import describe_reason
-from .kinematics import Arm, Capsule, Joint, rigid_transform
+from .kinematics import Arm, Capsule, Joint, make_rigid_transform
 from .link_mesh import read_link_mesh
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, transform_solid
 from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
@@ -31,7 +31,7 @@ _WIDEST_LINK_M = 20.0
 #: Maximum number of triangles of the whole arm.
 MAX_TRIANGLES = 1_000_000
 #: Pose that turns a solid of revolution about x into one about z.
-_AXIS_X_TO_Z = rigid_transform(
+_AXIS_X_TO_Z = make_rigid_transform(
     np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
 )
 _METAL = "metal"
@@ -137,14 +137,14 @@ def _load_arm(path: Path, state: tuple[int, int]) -> UrdfArm:
 def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> UrdfArm:
     """Build the arm of a URDF file. ``state`` and ``_files`` are cache keys that change with the files."""
     urdf = _read_cached_urdf(path, state)
-    names = _link_names(urdf)
+    names = _rename_links(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
 
     def joint(each: UrdfJoint) -> Joint:
         parent, slides = order.index(each.parent), each.kind in SLIDES
         return Joint(each.name, names[each.child], parent, each.origin, each.axis, each.low, each.high, slides)
 
-    still = Joint("", names[urdf.root], -1, rigid_transform(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    still = Joint("", names[urdf.root], -1, make_rigid_transform(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
     joints = (still, *map(joint, urdf.joints))
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
     follows = [
@@ -172,7 +172,7 @@ def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int
     )
 
 
-def _link_names(urdf: Urdf) -> dict[str, str]:
+def _rename_links(urdf: Urdf) -> dict[str, str]:
     """Return the new name of each link: its name in the file, or ``arm_NAME`` if a part of the lander has that name."""
     found = {link: link for link in urdf.links}
     for link in LANDER_PARTS:

@@ -17,7 +17,7 @@ import numpy as np
 from ...settings.topics.lander import ArmSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from .kinematics import Arm, Capsule, Joint, rigid_transform
+from .kinematics import Arm, Capsule, Joint, make_rigid_transform
 
 #: Joints of the arm in order, named as in the settings, and the link that each moves.
 JOINTS = {"yaw": "turret", "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "roll": "scoop"}
@@ -40,7 +40,7 @@ def lander_pose(settings: Settings, site_m: float = 0.0) -> Array:
     rotation = np.array(
         [[math.sin(ahead), -math.cos(ahead), 0.0], [math.cos(ahead), math.sin(ahead), 0.0], [0.0, 0.0, 1.0]]
     )
-    return rigid_transform(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
+    return make_rigid_transform(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
 
 
 def find_lengths_m(arm: ArmSettings) -> tuple[float, float, float, float]:
@@ -64,14 +64,14 @@ def make_parametric_arm(settings: Settings, site_m: float = 0.0) -> Arm:
             name,
             link,
             k - 1,
-            rigid_transform(place=place),
+            make_rigid_transform(place=place),
             axis,
             math.radians(arm[f"{name}_low_deg"]),
             math.radians(arm[f"{name}_high_deg"]),
         )
         for k, ((name, link), place, axis) in enumerate(zip(JOINTS.items(), places, axes, strict=True))
     )
-    shoulder = rigid_transform(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
+    shoulder = make_rigid_transform(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
     return Arm(
         joints,
         lander_pose(settings, site_m) @ shoulder,

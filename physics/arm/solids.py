@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .kinematics import rigid_transform
+from .kinematics import make_rigid_transform
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def make_pose_toward(start: Sequence[float], end: Sequence[float]) -> Array:
     x = along / np.linalg.norm(along)
     side = np.cross([0.0, 0.0, 1.0] if abs(x[2]) < 0.95 else [0.0, 1.0, 0.0], x)
     y = side / np.linalg.norm(side)
-    return rigid_transform(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
+    return make_rigid_transform(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
 
 
 def make_rod(
@@ -96,7 +96,7 @@ def make_ball(material: str, centre: Sequence[float], radius: float, sides: int 
     profile = [
         (-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0) for k, t in enumerate(turns)
     ]
-    return transform_solid(make_lathe(material, profile, sides), rigid_transform(place=tuple(centre)))
+    return transform_solid(make_lathe(material, profile, sides), make_rigid_transform(place=tuple(centre)))
 
 
 def make_box(
@@ -121,7 +121,7 @@ def make_box(
     faces += [[(n, 0), (n, 1), (n, 2)] for n in range(8)]
     return transform_solid(
         _make_flat_faced(material, [np.array([corners[each] for each in face]) for face in faces]),
-        rigid_transform(place=tuple(centre)),
+        make_rigid_transform(place=tuple(centre)),
     )
 
 
@@ -165,4 +165,4 @@ def make_prism(
         for k in range(len(top)):
             n = (k + 1) % len(top)
             faces.append(np.array([one[k], one[n], other[n], other[k]]) - centre)
-    return transform_solid(_make_flat_faced(material, faces), rigid_transform(place=tuple(centre)))
+    return transform_solid(_make_flat_faced(material, faces), make_rigid_transform(place=tuple(centre)))

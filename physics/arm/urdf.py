@@ -320,7 +320,7 @@ class _Reader:
             found = next((place for place in inside if place.is_file()), None)
             is_outside = not inside or any(place.is_file() for _, place in places if place not in inside)
         except (OSError, ValueError):
-            self.fail(f"the mesh of {where} is {shorten(text)!r}, which can be no file")
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, which is not a valid file name")
         if found is None:
             looked_in = " or ".join(dict.fromkeys(str(folder) for folder, _ in places))
             self.fail(
