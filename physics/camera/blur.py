@@ -191,8 +191,8 @@ def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: l
     far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _MIN_RELATIVE_CHANGE]
     if far:
         said.append(
-            f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
-            f"{', '.join(f'{t:.4g} s' for t in far)}; set the one to the other and render it again."
+            f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, but its exposure is "
+            f"{', '.join(f'{t:.4g} s' for t in far)}; make the two times equal and render it again."
         )
     return said
 

@@ -46,9 +46,9 @@ def is_seen(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> 
     length = np.linalg.norm(d - zeta[..., None] * o, axis=-1)
     with np.errstate(all="ignore"):
         if e is None:
-            return np.asarray((zeta > 0) & (length <= _fold(r) * zeta))
+            return np.asarray((zeta > 0) & (length <= _find_fold(r) * zeta))
         theta = _pupil_angle(zeta, length, e)
-        return np.asarray((theta < _widest(linearity)) & (_chi(theta, linearity) <= _fold(r)))
+        return np.asarray((theta < _widest(linearity)) & (_chi(theta, linearity) <= _find_fold(r)))
 
 
 def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
@@ -58,7 +58,7 @@ def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> A
     length = np.linalg.norm(away, axis=-1)
     side = np.divide(away, length[..., None], out=np.zeros_like(away), where=length[..., None] > 0)
     with np.errstate(all="ignore"):
-        widest = _fold(r)
+        widest = _find_fold(r)
         if e is not None:
             widest = min(widest, float(_chi(np.array(min(_widest(linearity), math.pi)), linearity)))
         # The tangent of the bent direction is a polynomial of the original tangent, or of chi.
@@ -83,7 +83,7 @@ def _polynomial(chi: Array, r: Array) -> Array:
     return chi * (1 + r[0] + t * (r[1] + t * r[2]))
 
 
-def _fold(r: Array) -> float:
+def _find_fold(r: Array) -> float:
     """Find the smallest tangent (or chi) at which the polynomial stops growing; infinite if it always grows."""
     return math.sqrt(find_smallest_positive_root([5 * r[2], 3 * r[1], 1 + r[0]]))
 

@@ -32,7 +32,7 @@ def distort_points(points: Array, k: tuple[float, ...]) -> Array:
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial, _ = _radial(r2, k)
+    radial, _ = _compute_radial_factor(r2, k)
     found = np.stack(
         [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2), y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y],
         axis=-1,
@@ -43,7 +43,7 @@ def distort_points(points: Array, k: tuple[float, ...]) -> Array:
     return found
 
 
-def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
+def _compute_radial_factor(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
     """Return the radial factor at squared radii ``r2``, and twice its derivative with respect to ``r2``."""
     k1, k2, _, _, k3 = k[:5]
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -61,7 +61,7 @@ def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial, growth = _radial(r2, k)
+    radial, growth = _compute_radial_factor(r2, k)
     mixed = growth * x * y + 2 * p1 * x + 2 * p2 * y
     found = np.stack(
         [
@@ -95,14 +95,14 @@ def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
     """
     if not any(k):
         return points.copy()
-    found = _search(points, points, k)
+    found = _search_by_newton(points, points, k)
     lost = ~np.isfinite(found).all(axis=-1)
     if lost.any():
-        found[lost] = _search(points[lost], _radial_guess(points[lost], k), k)
+        found[lost] = _search_by_newton(points[lost], _radial_guess(points[lost], k), k)
     return found
 
 
-def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
+def _search_by_newton(points: Array, start: Array, k: tuple[float, ...]) -> Array:
     """Run Newton's method for ``undistort_points`` from ``start``; NaN where it ends outside the field of the lens."""
     found = start.copy()
     with np.errstate(all="ignore"):
@@ -125,11 +125,15 @@ def _radial_guess(points: Array, k: tuple[float, ...]) -> Array:
     """Compute the pinhole positions of points (n, 2) as if the lens had only its radial coefficients."""
     seen = np.hypot(*points.T)
     with np.errstate(all="ignore"):
-        angle = invert(lambda a: np.tan(a) * _radial(np.tan(a) ** 2, k)[0], seen, math.atan(math.sqrt(_fold(k))))
+        angle = invert(
+            lambda a: np.tan(a) * _compute_radial_factor(np.tan(a) ** 2, k)[0],
+            seen,
+            math.atan(math.sqrt(_find_first_fold(k))),
+        )
     return points * np.divide(np.tan(angle), seen, out=np.ones_like(seen), where=seen > 0)[:, None]
 
 
-def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
+def _find_folds(k: tuple[float, ...]) -> tuple[Array, float]:
     """Find the squared radii, in order, at which the radial polynomial has an extremum, up to its first pole, and that
     pole.
     """
@@ -142,9 +146,9 @@ def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
     return folds[folds < pole], pole
 
 
-def _fold(k: tuple[float, ...]) -> float:
+def _find_first_fold(k: tuple[float, ...]) -> float:
     """Return the squared radius of the first fold or pole of the radial polynomial; infinite without them."""
-    folds, pole = _folds(k)
+    folds, pole = _find_folds(k)
     return float(folds[0]) if len(folds) else pole
 
 
@@ -153,7 +157,7 @@ def _find_fold_radius(k: tuple[float, ...]) -> float:
     pole; infinite without either. Between the extrema the polynomial falls, so no root counts there, and tangential
     terms may shift the fold a little.
     """
-    folds, pole = _folds(k)
+    folds, pole = _find_folds(k)
     return float(folds[:2].mean()) if len(folds) > 1 else pole
 
 

@@ -101,12 +101,12 @@ class PoseSequence:
             for before, after in zip(self.rotation[:-1], self.rotation[1:], strict=True)
         ]
         return (
-            np.einsum("nji,nj->ni", self.rotation, _rates(moved, steps, gaps)),
-            _rates(np.array(turned).reshape(-1, 3), steps, gaps),
+            np.einsum("nji,nj->ni", self.rotation, _compute_rates(moved, steps, gaps)),
+            _compute_rates(np.array(turned).reshape(-1, 3), steps, gaps),
         )
 
 
-def _rates(change: Array, step_s: Array, gaps: Array) -> Array:
+def _compute_rates(change: Array, step_s: Array, gaps: Array) -> Array:
     """Compute rates (n, 3) at n poses, from the changes (n - 1, 3) between consecutive poses."""
     weight = np.where(gaps, 0.0, 1.0 / step_s)[:, None]  # the nearer neighbour counts more
     none = np.zeros((1, 3))

@@ -115,14 +115,14 @@ def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter 
     row = place[:, 1].copy()
     left = np.flatnonzero(np.isfinite(row))  # the points whose row is not yet found
     for _ in range(_MAX_STEPS):
-        place[left], depth[left] = _project(_see(points[left], shutter, row[left]), camera)
+        place[left], depth[left] = _project(_transform_to_rows(points[left], shutter, row[left]), camera)
         change, row[left] = np.abs(place[left, 1] - row[left]), place[left, 1]
         left = left[change > _MIN_STEP_ROWS]
     place[left] = np.nan
     return place, depth
 
 
-def _see(points: Array, shutter: RollingShutter, row: Array) -> Array:
+def _transform_to_rows(points: Array, shutter: RollingShutter, row: Array) -> Array:
     """Transform points (n, 3), in metres, to the axes of the eye at the time when each point's row (n,) is read. Rows
     are pixel-corner coordinates.
     """

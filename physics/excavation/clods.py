@@ -154,12 +154,12 @@ def _draw_widths(
     least = find_least_width_m(cell_m, largest_m)
     most = max(largest_m, least)
     ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
-    mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
+    mean_square = float(np.mean(_compute_clod_widths(np.linspace(0.0, 1.0, 1001), ends) ** 2))
     count = min(math.ceil(covered * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MAX_CLODS)
-    return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
+    return np.sort(_compute_clod_widths(random.uniform(0.0, 1.0, count), ends))
 
 
-def _clod_width(share: Array, ends: tuple[float, float]) -> Array:
+def _compute_clod_widths(share: Array, ends: tuple[float, float]) -> Array:
     return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _SIZE_EXPONENT)
 
 

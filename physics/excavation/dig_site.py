@@ -293,13 +293,13 @@ def advise_on_excavation(settings: Settings) -> list[str]:
     west, south, east, north = site.grid.bounds_m
     if west < x < east and south < y < north:
         said.append(
-            "Trench or heap are under the camera, which stays as high as over the untouched ground; move "
+            "The trench or the heap is under the camera, which keeps its height above the untouched ground; change "
             "excavation.start_x_m or excavation.start_y_m."
         )
     if settings.rocks.coverage > 0:
         said.append(
-            "Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
-            "no other; others stay where they lay, as does what spoil falls on."
+            "Rocks in the trench are not taken away. A rock that loses its support rolls to rest in the trench and "
+            "pushes no other rock. Other rocks stay where they lay, also under spoil."
         )
     return said
 

@@ -154,8 +154,8 @@ def let_ground_fail(
         _round(mean),
         float(np.float32(volume_ratio * broken_sum / have)) if have else 0.0,
         broken_sum * grid.cell_m**2,
-        _widen(_average_fours(broken) > 0.0),
-        _widen(mean > 0.0),
+        _widen_mask(_average_fours(broken) > 0.0),
+        _widen_mask(mean > 0.0),
     )
 
 
@@ -211,7 +211,7 @@ def _double(values: Array) -> Array:
     return values
 
 
-def _widen(mask: Array) -> Array:
+def _widen_mask(mask: Array) -> Array:
     """Add the eight neighbours of its cells to a mask, because interpolation reaches them."""
     wide = mask.copy()
     wide[1:] |= mask[:-1]

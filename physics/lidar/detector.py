@@ -52,12 +52,14 @@ class Detector:
         if self.timing not in ("EDGE", "CENTROID"):
             raise IcyMoonError(f"The timing {self.timing} is unknown; give EDGE or CENTROID.")
         if not 0.0 <= self.gate_m[0] < self.gate_m[1] < math.inf:
-            raise IcyMoonError(f"The gate is {self.gate_m[0]:g} to {self.gate_m[1]:g} m; give two that increase.")
+            raise IcyMoonError(f"The gate is {self.gate_m[0]:g} to {self.gate_m[1]:g} m; give two increasing ranges.")
         for name in ("noise_electrons", "jitter_s", "resolution_m", "bandwidth_hz"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise IcyMoonError(f"The detector's {name} is {getattr(self, name):g}; give 0 or more.")
         if not self.excess_noise >= 1.0 or not self.saturation > 0.0:
-            raise IcyMoonError("The excess noise is below 1 or the saturation is 0; give 1 or more, and more than 0.")
+            raise IcyMoonError(
+                "The excess noise is below 1 or the saturation is 0; give a noise from 1 on and a saturation above 0."
+            )
 
     @property
     def deviation_s(self) -> float:

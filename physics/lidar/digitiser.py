@@ -150,7 +150,7 @@ class Recorder:
         range_m = np.concatenate([found.range_m[chosen], alarm_m])
         wide_m = np.concatenate([np.hypot(pulse_m, found.spread_m[chosen]), np.full(len(alarm_m), pulse_m)])
         before_m = _DEVIATIONS * wide_m + _SAMPLES_BEFORE * own.spacing_m
-        number, run = _group(beam, range_m, np.minimum(before_m, own.samples // 4 * own.spacing_m), own)
+        number, run = _group_into_packets(beam, range_m, np.minimum(before_m, own.samples // 4 * own.spacing_m), own)
         returns = _Light(self, found, first, end)
         samples = np.zeros((len(run.beam), own.samples), np.uint16)
         gain = np.zeros(len(run.beam), np.uint8)
@@ -263,7 +263,9 @@ class _Light:
         return made
 
 
-def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) -> tuple[Array, _PacketStarts]:
+def _group_into_packets(
+    beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser
+) -> tuple[Array, _PacketStarts]:
     """Group events into packets, sorted by beam and time. Return the number (e,) of each event's packet, and the
     packets. A packet must contain ``reach_m`` (e,) before and after an event.
     """

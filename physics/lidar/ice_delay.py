@@ -86,7 +86,9 @@ class DelayTable:
     def _edges(self) -> Array:
         """Delay (nodes, places), m, of the rising edge at the heights that a hard pulse has at ``_PLACES``."""
         level = np.exp(-(_PLACES**2) / 2.0)
-        return np.array([_cross(wave, level) - _cross(self._hard, level) for wave in self._waves])
+        return np.array(
+            [_find_rising_ranges(wave, level) - _find_rising_ranges(self._hard, level) for wave in self._waves]
+        )
 
     @cached_property
     def _arrivals(self) -> Array:
@@ -98,8 +100,8 @@ class DelayTable:
         if self._medium.transport_m == 0.0:
             nothing = np.zeros(len(range_m))
             return IceDelays(nothing, nothing, nothing, nothing + 1.0, nothing + 1.0)
-        place = self._locate(range_m)
-        return IceDelays(*(_mix(place, column) for column in self._biases.T))
+        place = self._locate_ranges(range_m)
+        return IceDelays(*(_interpolate_nodes(place, column) for column in self._biases.T))
 
     def find_edge(self, range_m: Array, amplitude_over_threshold: Array) -> Array:
         """Find the delay (k,) in metres of a rising edge at a threshold, from the ratio (k,) of the peak to the
@@ -108,13 +110,13 @@ class DelayTable:
         if self._medium.transport_m == 0.0:
             return np.zeros(len(range_m))
         before = np.sqrt(2.0 * np.log(np.maximum(amplitude_over_threshold, 1.0)))
-        return _interpolate(self._locate(range_m), self._edges, _PLACES, before)
+        return _interpolate(self._locate_ranges(range_m), self._edges, _PLACES, before)
 
     def find_arrival(self, range_m: Array, share: Array) -> Array:
         """Find the delay (k,) in metres of the photon before which a share (k,) of the light arrives."""
         if self._medium.transport_m == 0.0:
             return np.zeros(len(range_m))
-        return _interpolate(self._locate(range_m), self._arrivals, _SHARES, share)
+        return _interpolate(self._locate_ranges(range_m), self._arrivals, _SHARES, share)
 
     def find_hard_arrival(self, share: Array) -> Array:
         """Find the time (k,), as range in metres from the centre of a hard surface's pulse, before which a share (k,)
@@ -134,7 +136,7 @@ class DelayTable:
         peak = self.find(range_m).peak_m[:, None]
         at = (beyond_m - peak) / longer + peak
         cells = self._waves[0].range_m
-        place = np.broadcast_to(self._locate(range_m)[:, None], at.shape)
+        place = np.broadcast_to(self._locate_ranges(range_m)[:, None], at.shape)
         power = _interpolate(place.ravel(), self._powers, cells, at.ravel()).reshape(at.shape)
         return np.asarray(np.where((at >= cells[0]) & (at <= cells[-1]), power, 0.0) / longer)
 
@@ -143,7 +145,7 @@ class DelayTable:
         """Power (nodes, cells) of the waveforms in 1/m."""
         return np.array([wave.power for wave in self._waves])
 
-    def _locate(self, range_m: Array) -> Array:
+    def _locate_ranges(self, range_m: Array) -> Array:
         """Find the fractional indices (k,) of ranges (k,) in the table's ranges."""
         if len(self._ranges_m) == 1:
             return np.zeros(len(range_m))
@@ -151,7 +153,7 @@ class DelayTable:
         return np.asarray(np.interp(at, np.log(self._ranges_m), np.arange(len(self._ranges_m))))
 
 
-def _mix(place: Array, values: Array) -> Array:
+def _interpolate_nodes(place: Array, values: Array) -> Array:
     return np.asarray(np.interp(place, np.arange(len(values)), values))
 
 
@@ -165,7 +167,7 @@ def _interpolate(place: Array, table: Array, axis: Array, at: Array) -> Array:
     return np.asarray(corners[0] + (place - np.floor(place)) * (corners[1] - corners[0]))
 
 
-def _cross(wave: Waveform, level: Array) -> Array:
+def _find_rising_ranges(wave: Waveform, level: Array) -> Array:
     """Find the ranges, m, at which a waveform rises to shares ``level`` of its peak."""
     top = int(np.argmax(wave.power))
     return np.asarray(np.interp(level * wave.power[top], wave.power[: top + 1], wave.range_m[: top + 1]))

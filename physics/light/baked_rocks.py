@@ -21,8 +21,8 @@ from ...support.arrays import Array
 TERM_COUNT = 12
 #: Number of points of a rock by its level of detail, finest first.
 POINTS_BY_DETAIL = (64, 32, 16)
-#: Penalty in the fit on the square of each term, per point: the constant, the terms of first order, and those of second
-#: order and of place. The penalty is so small that it changes only rocks with few points.
+#: Penalty in the fit on the square of each term, per point: the constant, the terms of first order, and the terms of
+#: second order and of place. The penalty is so small that it changes only rocks with few points.
 _RIDGE_PENALTY = np.array([1e-6] + [3e-4] * 3 + [1e-3] * 8)
 #: Width of the triangle that represents a point, over the rock's diameter.
 _TRIANGLE_WIDTH = 1e-3

@@ -40,11 +40,11 @@ class IntensityTable:
         vertical, horizontal = np.broadcast_arrays(
             np.asarray(vertical_deg, np.float64), np.asarray(horizontal_deg, np.float64)
         )
-        column, along = _locate(self.vertical_deg, np.clip(vertical, 0.0, 180.0))
+        column, along = _locate_angles(self.vertical_deg, np.clip(vertical, 0.0, 180.0))
         at = (1 - along) * self.values[:, column] + along * self.values[:, column + 1]
         if len(self.horizontal_deg) == 1:
             return np.asarray(at[0])
-        row, across = _locate(self.horizontal_deg, horizontal % 360.0)
+        row, across = _locate_angles(self.horizontal_deg, horizontal % 360.0)
         first, second = (np.take_along_axis(at, each[None], axis=0)[0] for each in (row, row + 1))
         return np.asarray((1 - across) * first + across * second)
 
@@ -57,7 +57,7 @@ class IntensityTable:
         return self.find_intensity(vertical, np.degrees(np.arctan2(unit[..., 1], unit[..., 0]))) / self.flux
 
 
-def _locate(angles: Array, at: Array) -> tuple[Array, Array]:
+def _locate_angles(angles: Array, at: Array) -> tuple[Array, Array]:
     """Find the interval of increasing ``angles`` that contains each angle, and the share of the interval before the
     angle.
     """

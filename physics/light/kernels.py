@@ -185,7 +185,7 @@ def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
     record, _, free = struct.unpack_from(f"{order}3i", head, 76)
     size = doubles + (integers + 1) // 2
     if not (0 <= doubles <= 124 and 2 <= integers <= 250 and 1 <= size <= 125):
-        raise ValueError(f"its summaries are of {doubles} doubles and {integers} integers")
+        raise ValueError(f"its summaries have {doubles} doubles and {integers} integers")
     if not 1 <= free <= foreign.size // _DOUBLE_BYTES + 1:
         raise ValueError("it is cut off")
     seen: set[int] = set()

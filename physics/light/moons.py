@@ -73,7 +73,7 @@ class Moon:
 #: brightening at opposition: Filacchione et al. 2022, Icarus 375, 114803. Titan: Karkoschka 1998. Jupiter's moons: JPL,
 #: "Planetary Satellite Physical Parameters". B - V: Explanatory Supplement to the Astronomical Almanac. Phase
 #: integrals: 0.8 and 0.6 of Ganymede and Callisto by Squyres and Veverka 1981; 0.7 of Rhea to 0.9 of Enceladus by
-#: Buratti and Veverka 1984, Icarus 58, 254, between which those of other icy moons are our choice, good to 0.1.
+#: Buratti and Veverka 1984, Icarus 58, 254. Values between these for other icy moons are our choice, good to 0.1.
 MOONS: Mapping[str, Moon] = {
     "MIMAS": Moon("SATURN", 601, 198.2, 0.63, 0.66, 0.8),
     "ENCELADUS": Moon("SATURN", 602, 252.1, 0.89, 0.70, 0.9),

@@ -139,7 +139,7 @@ def check_body(
     if abs(radius_km / own_km - 1) > _MAX_RADIUS_DIFFERENCE:
         raise IcyMoonError(
             f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
-            f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
+            f"terrain.body_radius_m is the radius of a body of {radius_km:.0f} km, which has another "
             f"sky; {fix}"
         )
 

@@ -52,8 +52,8 @@ def warn_sky_of_another_site(light: LightSettings, place: Mapping[str, Any] | No
     said = []
     if _angle_between_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _SAME_SITE_DEG:
         said.append(
-            f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
-            f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
+            f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is computed "
+            f"for light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
             f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}."
         )
     elif 90.0 - abs(light.latitude_deg) <= _SAME_SITE_DEG:  # where a longitude is a direction

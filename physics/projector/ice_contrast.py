@@ -24,10 +24,12 @@ def find_modulation(period_over_transport: Numbers, absorption: float) -> Array:
     lengths and by 0.02 from 20 on.
     """
     wave = 2 * np.pi / np.asarray(period_over_transport, np.float64)
-    return np.asarray(_reflect(np.sqrt(3 * absorption + wave**2)) / _reflect(np.sqrt(3 * absorption)))
+    return np.asarray(
+        _compute_reflectance(np.sqrt(3 * absorption + wave**2)) / _compute_reflectance(np.sqrt(3 * absorption))
+    )
 
 
-def _reflect(decay: Numbers) -> Array:
+def _compute_reflectance(decay: Numbers) -> Array:
     """Compute the diffuse reflectance, up to a factor, for a decay per transport length."""
     return np.asarray(1 / ((np.asarray(decay) + 1.0) * (np.asarray(decay) + 1.5)))
 
