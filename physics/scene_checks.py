@@ -1,4 +1,4 @@
-"""Whether a scene can be rendered as its settings describe it: one check for plans, renders and the window.
+"""Checks of whether a scene can be rendered as its settings describe it: the same for plans, renders and the window.
 
 A refused scene would render wrong images without an error. Examples are an eye in the ground or in a rock, which sees
 black; ice that reflects more light than it receives; ground on which no rock fits; and a date outside the years for

@@ -24,8 +24,8 @@ def describe_keypoints(
 
     ``links`` are the poses (4, 4) of the links in the world, and ``eyes`` the camera-to-world matrices in OpenCV axes.
     ``matrix`` (3, 3) is the matrix K of both cameras with pixel centres at halves. ``depths`` are the true depths (H,
-    W) in metres, NaN for sky. A point is visible unless its pixel shows something that is nearer by more than its
-    radius.
+    W) in metres, NaN for sky. A point in the image is visible unless its pixel shows something that is nearer by more
+    than the point's radius.
     """
     found = []
     for name, link, place, radius in list_keypoints(settings, pads_m):

@@ -1,4 +1,4 @@
-"""Whether the lander's arm reaches the trench, and a place in reach to which the trench can move."""
+"""Reach of the lander's arm: whether it reaches the trench, and a place in reach to which the trench can move."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def draw_beam_waits(first: int, end: int, seed: int, scan: int = 0) -> Array:
 
 
 def _skip(random: np.random.Generator, count: int) -> None:
-    """Skip ``count`` doubles of a generator, each of which takes one 64-bit number."""
+    """Skip ``count`` doubles of a generator; each double takes one 64-bit number."""
     bits = random.bit_generator
     assert isinstance(bits, np.random.PCG64)
     bits.advance(count)

@@ -40,9 +40,9 @@ class Returns:
 
     ``beam`` int64 is the beam's number. ``order`` uint8 is the return's number in the beam, from 1, and ``of`` uint8
     the number of returns of the beam. ``range_m`` is the mean range of the return's rays, weighted by the energy that
-    each brings back, ``energy_j`` the sum of these energies, ``spread_m`` the standard deviation of the ranges, and
-    ``share`` the share of the pulse that met these surfaces. ``point_m`` (k, 3) is at this range along the beam's axis,
-    in the axes of ``direction``.
+    each brings back. ``energy_j`` is the sum of these energies, and ``spread_m`` the standard deviation of the ranges.
+    ``share`` is the share of the pulse that met these surfaces. ``point_m`` (k, 3) is at the mean range along the
+    beam's axis, in the axes of ``direction``.
 
     The truth belongs to one surface: the surface on the beam's axis if the axis is part of the return (``on_axis``),
     otherwise the surface of the return's ray nearest to the axis. It is ``true_range_m``, ``true_point_m`` (k, 3),

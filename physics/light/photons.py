@@ -81,8 +81,8 @@ def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple
 def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
     """Return the side of a pixel in metres: the stated pitch, or else the rig's sensor width over its columns.
 
-    The field of view depends on the rig alone. A rig of other proportions, such as the paper's with 60 mm behind 640
-    columns, has the view of a real camera, but its pixels would be 94 µm wide and gather sixty times the light.
+    The field of view depends on the rig alone. The paper's rig, with 60 mm behind 640 columns, has the view of a real
+    camera, but its pixels would be 94 µm wide and gather sixty times the light.
     """
     stated = float(sensor.pixel_pitch_um) * 1e-6
     return stated if stated > 0 else float(rig.sensor_width_mm) * 1e-3 / int(rig.width_px)

@@ -267,8 +267,8 @@ def find_mean_direction(planet: Planet) -> Array:
 
 
 def find_lit_chords(planet: Planet) -> tuple[Array, float]:
-    """Find the lit part of the planet's disc: the unit vector (3,) across the disc toward the Sun, and the largest
-    share of a chord along it, from the Sun's side, that contains lit points.
+    """Find the lit part of the planet's disc: the unit vector (3,) across the disc toward the Sun, and the share of
+    each chord along it, from the Sun's side, that contains all lit points.
 
     The disc is a circle as wide as the equator about the planet's centre, in coordinates that keep areas.
     """

@@ -88,8 +88,8 @@ def shadow_half_angle(radius: Array, sun_elevation: float, flattening: float) ->
     """Compute half the angle in radians, at the planet's centre, that its shadow covers on circles with ``radius`` in
     equatorial radii.
 
-    In the space in which the planet is the unit sphere, a point r (cos φ, sin φ, 0) on the far side is in the shadow of
-    a Sun at elevation β if r² - r² cos² φ cos² β < 1.
+    The planet is the unit sphere in a stretched space. There, a point r (cos φ, sin φ, 0) on the far side is in the
+    shadow of a Sun at elevation β if r² - r² cos² φ cos² β < 1.
     """
     stretched = math.atan2(math.sin(sun_elevation) / (1 - flattening), math.cos(sun_elevation))
     return np.arccos(np.clip(np.sqrt(np.maximum(radius**2 - 1, 0.0)) / (radius * math.cos(stretched)), 0.0, 1.0))

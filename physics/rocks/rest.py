@@ -252,7 +252,7 @@ class OutlinesAtRest:
         self.reach.append(reach)
 
     def find_deepest(self, place: Array, reach: Array) -> Array | None:
-        """Find the outline that an outline overlaps most, and return the shortest move (2,) in metres out of it; None
+        """Find the outline that this outline overlaps most, and return the shortest move (2,) in metres out of it; None
         if it overlaps none.
         """
         near = sorted({k for cell in self._list_cells(place, reach) for k in self.cells.get(cell, ())})
