@@ -1,8 +1,9 @@
-"""Whether a scene can be rendered as its settings describe it: one check for plans, renders and the window.
+"""Checks of whether a scene can be rendered as its settings describe it: the same for plans, renders and the window.
 
-A refused scene would render wrong images without an error: an eye in the ground or in a rock, which sees black; ice
-that reflects more light than it receives; ground on which no rock fits; a date outside the years for which the sky is
-known. ``settings`` are complete. Every reason is a sentence with the settings, their values and the fix.
+A refused scene would render wrong images without an error. Examples are an eye in the ground or in a rock, which sees
+black; ice that reflects more light than it receives; ground on which no rock fits; and a date outside the years for
+which the sky is known. ``settings`` are complete. Every reason is a sentence with the settings, their values and the
+fix.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ MIN_EYE_HEIGHT_M = 1e-3
 #: Cosines of the incidence, to 88.9 degrees, at which light returned by ice is compared with the light that it
 #: receives.
 _INCIDENCE_COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
-#: Largest share of light that Hapke's law may return, by H function. The excess is a fault of the approximation and not
-#: of parameters: grains of w 1 that scatter evenly return 1.040 of the light with the H function of 1981 and 0.993 with
-#: the others. The set published for Enceladus in 1994 returns 1.016.
+#: Largest share of light that Hapke's law may return, by H function. Shares above 1 come from the approximation, not
+#: from the parameters: grains of w 1 that scatter evenly return 1.040 of the light with the H function of 1981, and
+#: 0.993 with the others. The parameters published for Enceladus in 1994 return 1.016.
 _MAX_RETURNED = {"1981": 1.045, "1993": 1.01, "2002": 1.01}
 
 #: Settings that may put a camera beside the ground. A plan refuses such a camera; a render shows the ground from there,
@@ -54,7 +55,7 @@ _POSE_SETTINGS = ("rig.x_m", "rig.y_m", "rig.height_m", "rig.heading_deg", "rig.
 
 
 class Reason(str):
-    """A sentence, and the ``names`` of the settings at fault, ``topic.key``."""
+    """A sentence, and the ``names`` (``topic.key``) of the settings at fault."""
 
     names: tuple[str, ...]
 
@@ -65,7 +66,7 @@ class Reason(str):
 
 
 def find_reasons(settings: Settings) -> list[Reason]:
-    """All reasons why a scene cannot be rendered; empty if it can."""
+    """Find all reasons why a scene cannot be rendered; empty if it can."""
     said = find_reasons_in_settings(settings)
     if settings.source.kind == "PROCEDURAL":
         try:
@@ -77,7 +78,7 @@ def find_reasons(settings: Settings) -> list[Reason]:
 
 
 def refuse_scene(settings: Settings) -> None:
-    """Raise IcyMoonError with all reasons why a scene cannot be rendered."""
+    """Raise IcyMoonError with all reasons why a scene cannot be rendered, if there are any."""
     if said := find_reasons(settings):
         raise IcyMoonError(" ".join(said))
 
@@ -99,9 +100,8 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
 
 
 def find_reasons_without_file(settings: Settings) -> list[Reason]:
-    """Find why a scene can be rendered only from the .blend file in which it was built; empty if it needs no file.
-
-    Only such a file has the node groups that a surface may name.
+    """Find why a scene can be rendered only from the .blend file in which it was built; empty if it needs no file. Only
+    that file has the node groups that a surface may name.
     """
     topics = ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",)
     return [
@@ -116,7 +116,7 @@ def find_reasons_without_file(settings: Settings) -> list[Reason]:
 
 
 def advise_on_scene(settings: Settings) -> list[str]:
-    """Sentences about a scene that can be rendered but may not be as the user expects."""
+    """List sentences of advice about a scene that can be rendered but may not be as the user expects."""
     rig, patch = settings.rig, settings.terrain
     said = advise_on_principal_point(rig)
     if not math.isfinite(measure_ground_row(rig, float(rig.height_px)).depth_m):
@@ -133,7 +133,7 @@ def advise_on_scene(settings: Settings) -> list[str]:
 
 
 def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:
-    """The largest share of a beam that ice with Hapke's law returns, and the incidence in degrees of that beam."""
+    """Find the largest share of a beam that ice with Hapke's law returns, and the incidence of that beam in degrees."""
     share = hemispherical_albedo(
         partial(bidirectional_reflectance, parameters=parameters), np.arccos(_INCIDENCE_COSINES)
     )
@@ -143,8 +143,9 @@ def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def _find_excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
-    """If ice returns too much light: the returned share, its incidence in degrees, and the largest allowed w with two
-    digits; else None."""
+    """Check whether ice returns too much light. If so, return the returned share, its incidence in degrees, and the
+    largest allowed w with two digits; else None.
+    """
     most = _MAX_RETURNED[parameters.h_function]
     share, incidence = find_returned_share(parameters)
     if share <= most:
@@ -208,8 +209,9 @@ def _find_rock_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
-    """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of side
-    ``size_m``; ``size_is`` names the setting of that side."""
+    """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch with sides of
+    ``size_m``; ``size_is`` names the setting of this size.
+    """
     if rocks.law == TABLE:
         return
     number = make_size_law(rocks).total_per_m2 * size_m**2
@@ -253,7 +255,7 @@ def _find_near_sun_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def _find_reasons_against_lamps(settings: Settings) -> Iterator[Reason]:
-    """Reasons against the lamps of ``light.lamps``."""
+    """Yield reasons against the lamps of ``light.lamps``."""
     lamps, key = settings.light.lamps, "light.lamps"
     if len(lamps) > len(LAMP_GROUPS):
         yield Reason(f"{key} has {len(lamps)} lamps; {len(LAMP_GROUPS)} are the most.", key)
@@ -275,14 +277,14 @@ def _has_law_in_osl(settings: Settings) -> bool:
 
 
 def _find_veil_reasons(settings: Settings) -> Iterator[Reason]:
-    """Reasons against a veil, which needs light and truth traced separately by Cycles."""
+    """Yield reasons against a veil, which needs light and truth traced separately by Cycles."""
     depth, key = settings.veil.optical_depth, "veil.optical_depth"
     if depth <= 0:
         return
     if settings.quality.truth != "FULL":
         yield Reason(
-            f"{key} ({depth:g}): without full truth, depth comes with the light, and of a path that a grain scatters "
-            "there is none; set quality.truth to FULL.",
+            f"{key} ({depth:g}): without full truth, depth comes with the light, and a path that a grain scatters has "
+            "no depth; set quality.truth to FULL.",
             key,
             "quality.truth",
         )
@@ -295,7 +297,7 @@ def _find_veil_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def _find_loose_reasons(settings: Settings) -> Iterator[Reason]:
-    """Reasons against the thickness of loose material, which rays find in the full truth of procedural ground."""
+    """Yield reasons against the thickness of loose material, which rays find in the full truth of procedural ground."""
     key = "quality.loose_thickness"
     if not settings.quality.loose_thickness:
         return
@@ -321,7 +323,9 @@ def _make_limit_reason(joint: Joint, value: float) -> Reason:
 
 
 def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
-    """Reasons against a lander: joints beyond their limits, and an arm around an eye, which would see only black."""
+    """Yield reasons against a lander: joints beyond their limits, and an arm around an eye, which would see only
+    black.
+    """
     if settings.lander.kind == "NONE":
         return
     try:
@@ -353,8 +357,9 @@ def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
-    """For each ``rig`` on procedural ground, the reason why its camera cannot stand there; None if it can. Raises
-    IcyMoonError if the settings of ground or rocks contradict each other."""
+    """Find, for each rig on procedural ground, the reason why its camera cannot stand there; None if it can. Raises
+    IcyMoonError if the settings of ground or rocks contradict each other.
+    """
     x, y, height, z = (np.array([rig[key] for rig in rigs], float) for key in ("x_m", "y_m", "height_m", "z_m"))
     stated = np.array([rig.height_from == "ZERO" for rig in rigs])
     height = np.where(stated, z - ground.heights(x, y), height)
@@ -384,8 +389,9 @@ def _find_camera_place(rig: RigSettings) -> str:
 
 
 def describe_buried_lamp(number: int, depth_m: float | None) -> str:
-    """Describe in a sentence the lamp with this number in the list, ``depth_m`` under the ground, infinite in a rock;
-    empty for a lamp above the ground, whose depth is negative or None."""
+    """Describe in a sentence the buried lamp with this number in the list; empty for a lamp above the ground.
+    ``depth_m`` is its depth under the ground, infinite in a rock, and negative or None above the ground.
+    """
     if depth_m is None or depth_m < 0:
         return ""
     where = "inside a rock" if math.isinf(depth_m) else f"{depth_m:.3g} m under the ground"
@@ -393,8 +399,9 @@ def describe_buried_lamp(number: int, depth_m: float | None) -> str:
 
 
 def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
-    """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
-    ``MIN_EYE_HEIGHT_M`` above it."""
+    """Describe in a sentence an eye ``depth_m`` under the ground, or (negative) less than ``MIN_EYE_HEIGHT_M`` above
+    it.
+    """
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
         f"{_find_camera_place(rig)}, has its {eye} eye {describe_depth(depth_m)}; raise {height} "
@@ -403,12 +410,14 @@ def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
 
 
 def describe_depth(depth_m: float) -> str:
-    """Describe the position of a camera that is too low, by its depth in metres under the ground, negative above it."""
+    """Describe the position of a camera that is too low; ``depth_m`` is its depth under the ground, negative above
+    it.
+    """
     if depth_m >= 0:
         return f"{depth_m:.3g} m under the ground"
     return f"{-depth_m:.2g} m above the ground, less than {MIN_EYE_HEIGHT_M:g} m"
 
 
 def describe_eye_in_rock(rig: RigSettings, eye: str) -> str:
-    """The sentence about an eye in a rock."""
+    """Describe in a sentence an eye that is inside a rock."""
     return f"{_find_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

@@ -17,26 +17,28 @@ from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 
 #: Samples of a bake below which its noise makes matchers look better than they are. In ``python benchmarks bake_noise``
-#: with the Sun 24° high, JPLV has 1.4 points less wrong or missing with 64 samples than with 256, and 3.1 points less
-#: with 16.
+#: with the Sun 24° high, the wrong or missing pixels of JPLV are 1.4 percentage points fewer with 64 samples than with
+#: 256, and 3.1 points fewer with 16.
 FEWEST_BAKE_SAMPLES = 64
 #: Topics that describe a surface.
 SURFACE_TOPICS = ("surface", "rock_surface")
 
 
 def surface_topics(settings: Settings) -> tuple[str, ...]:
-    """The topics of the surfaces in the scene: rocks may have their own surface."""
+    """List the topics of the surfaces in the scene; rocks may have a separate surface."""
     return SURFACE_TOPICS if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACE_TOPICS[:1]
 
 
 def are_rocks_clear(settings: Settings) -> bool:
-    """Whether rocks transmit light."""
+    """Return whether rocks transmit light."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
     return settings.rocks.coverage > 0 and lets_light_through(settings[topic])
 
 
 def random_walk_px(settings: Settings, topic: str) -> float:
-    """Radius of subsurface scattering, in pixels of the nearest level ground; 0 if no light enters the surface."""
+    """Compute the radius of subsurface scattering, in pixels of the nearest level ground; 0 if no light enters the
+    surface.
+    """
     surface = settings[topic]
     if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
         return 0.0
@@ -44,21 +46,22 @@ def random_walk_px(settings: Settings, topic: str) -> float:
 
 
 def traces_random_walk(settings: Settings, topic: str) -> bool:
-    """Whether subsurface light is traced through a surface, see ``quality.walk_px``."""
+    """Return whether subsurface light is traced through a surface, see ``quality.walk_px``."""
     length = random_walk_px(settings, topic)
     return length > 0 and length >= settings.quality.walk_px
 
 
 def simplify_surface(settings: Settings, topic: str) -> SurfaceSettings:
-    """The settings of a surface as it is rendered, without subsurface scattering that is not traced."""
+    """Return the settings of a surface as it is rendered, without subsurface scattering that is not traced."""
     surface: SurfaceSettings = settings[topic]
     return surface if traces_random_walk(settings, topic) else surface | {"subsurface_weight": 0.0}
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
-    """Whether indirect light sees a surface as smooth, see ``quality.fine_relief``. ``surface`` is from
+    """Return whether indirect light sees a surface as smooth, see ``quality.fine_relief``. ``surface`` is from
     ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also see
-    light that leaves it after a random walk."""
+    light that leaves it after a random walk.
+    """
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
         law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0)
@@ -66,44 +69,48 @@ def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings)
 
 
 def is_relief_for_camera_alone(settings: Settings, topic: str) -> bool:
-    """Whether a surface has fine relief, from noise or from images, that only camera rays see."""
+    """Return whether a surface has fine relief, from noise or from images, that only camera rays see."""
     surface = simplify_surface(settings, topic)
     shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (settings.textures.set != "NONE")
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
 
 def emits(surface: SurfaceSettings) -> bool:
-    """Whether a surface emits light."""
+    """Return whether a surface emits light."""
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
 
 
 def needs_elevation(surface: SurfaceSettings) -> bool:
-    """Whether the ground needs the heights of its vertices above its mean plane, for dirt or emitted light."""
+    """Return whether the ground needs the heights of its vertices above its mean plane, for dirt or emitted light."""
     return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
 
 
 def find_elevation_mark(surface: SurfaceSettings) -> bool | float:
-    """What the heights of the ground's vertices are marked above: False for no marks, True for the mean plane, or the
-    width in metres of the surroundings whose mean they are above."""
+    """Find the reference above which the heights of the ground's vertices are marked. True is the mean plane; a number
+    is the width in metres of the surroundings whose mean is the reference; False is no marks.
+    """
     return needs_elevation(surface) and (float(surface.trough_width_m) or True)
 
 
 def needs_shelter(surface: SurfaceSettings) -> bool:
-    """Whether what has this surface needs the share of falling grains that others keep away."""
+    """Return whether an object with this surface needs the share of falling grains that other objects keep away."""
     return surface.frost_from == "FALL"
 
 
 def follows_each_light(settings: Settings) -> bool:
-    """Whether lamps light a surface whose law depends on the direction of the light. It is rendered once for each
-    light, unless a denoiser is used."""
+    """Return whether lamps light a surface whose law depends on the direction of the light. Such a scene is rendered
+    once for each light, unless a denoiser is used.
+    """
     laws = {settings[topic]["model"] for topic in surface_topics(settings)}
     return bool(settings.light.lamps) and not laws <= {"LAMBERT", "PRINCIPLED"}
 
 
 def find_why_not_baked(settings: Settings) -> str:
-    """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
-    surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
-    stars give none."""
+    """Return a clause on why indirect light cannot be baked to the ground; empty if it can.
+
+    Baked light assumes a diffuse surface, which looks the same from all directions. Only the planet's lamp gives light;
+    the visible planet, rings and stars give none.
+    """
     if settings.surface.model != "LAMBERT":
         return "the ground is not Lambert's (surface.model)"
     if settings.rocks.coverage > 0 and settings.rocks.own_surface and settings.rock_surface.model != "LAMBERT":
@@ -121,23 +128,24 @@ def find_why_not_baked(settings: Settings) -> str:
 
 
 def explain_traced_light(why: str) -> str:
-    """The sentence for the user that light is ray traced although the settings ask for baked light; ``why`` is a
-    clause."""
+    """Return the sentence for the user that light is ray traced although the settings ask for baked light; ``why`` is a
+    clause.
+    """
     return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
 
 
 def can_be_baked(settings: Settings) -> bool:
-    """Whether indirect light may be baked: the settings ask for it and the scene allows it."""
+    """Return whether indirect light may be baked: the settings ask for it and the scene allows it."""
     return settings.quality.indirect != "TRACED" and not find_why_not_baked(settings)
 
 
 def is_baked(settings: Settings) -> bool:
-    """Whether the images of a pair have baked light. For a planned pair ``quality.indirect`` is never AUTO."""
+    """Return whether the images of a pair have baked light. For a planned pair ``quality.indirect`` is never AUTO."""
     return settings.quality.indirect == "BAKED" and not find_why_not_baked(settings)
 
 
 def advise_on_bake(settings: Settings) -> list[str]:
-    """A sentence on light that is baked with too few samples for evaluation; else an empty list."""
+    """Return a sentence, in a list, on light that is baked with too few samples for evaluation; else an empty list."""
     few = settings.quality.bake_samples
     if not can_be_baked(settings) or few >= FEWEST_BAKE_SAMPLES:
         return []
@@ -149,18 +157,19 @@ def advise_on_bake(settings: Settings) -> list[str]:
 
 
 def count_images_per_bake(settings: Settings, images: int) -> int:
-    """Number of the ``images`` of one ground under one Sun that share a bake: all, or 1 if only the view of each is
-    baked."""
+    """Count the images, of ``images`` of one ground under one Sun, that share a bake: all of them, or 1 if a bake
+    covers the view of one image only.
+    """
     return images if settings.quality.bake_area == "GROUND" else 1
 
 
 def choose_image_quality(settings: Settings) -> QualitySettings:
-    """The quality settings of a pair's images; for direct light alone if indirect light is baked."""
+    """Return the quality settings of a pair's images; for direct light only, if indirect light is baked."""
     return make_direct_quality(settings.quality) if is_baked(settings) else settings.quality
 
 
 def make_direct_quality(quality: QualitySettings) -> QualitySettings:
-    """The quality of images of direct light, to which baked light is added."""
+    """Return the quality settings of images of direct light, to which baked light is added."""
     return quality | {
         "samples": quality.direct_samples,
         "denoiser": "NONE",
@@ -170,12 +179,12 @@ def make_direct_quality(quality: QualitySettings) -> QualitySettings:
 
 
 def planet_gives_light(settings: Settings, sky: Sky) -> bool:
-    """Whether the planet lights the ground, see ``light.planet_least``."""
+    """Return whether the planet lights the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
 
 
 def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
-    """The sentences of ``find_left_out`` on the surface of ground or rocks."""
+    """Yield the sentences of ``find_left_out`` on the surface of ground or rocks."""
     length = random_walk_px(settings, topic)
     if length > 0 and not traces_random_walk(settings, topic):
         yield (
@@ -220,9 +229,10 @@ def _find_omissions_of_veil(settings: Settings) -> Iterator[str]:
 
 
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
-    """Sentences, for the user and ``pair.json``, on each part of the settings that is not rendered, with its reason.
+    """List a sentence, for the user and ``pair.json``, on each part of the settings that is not rendered, with the
+    reason.
 
-    ``lights`` are the ``sky.describe_sky`` of the built scene.
+    ``lights`` is ``sky.describe_sky`` of the built scene.
     """
     sentences = [each for topic in surface_topics(settings) for each in _find_omissions_of(topic, settings)]
     if lets_light_through(settings.surface):

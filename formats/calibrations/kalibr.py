@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.arm.kinematics import rigid_transform as rigid_pose
+from ...physics.arm.kinematics import make_rigid_transform as rigid_pose
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.files import quote, write_text

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.arm.kinematics import rigid_transform
+from ...physics.arm.kinematics import make_rigid_transform
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye
 from ...support.files import quote, write_json
@@ -91,7 +91,7 @@ def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
     names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {
         "file_path": camera.name or f"camera{number}",
-        "transform_matrix": (rigid_transform(camera.rotation.T, camera.centre_m) @ _OPENGL_TO_OURS).tolist(),
+        "transform_matrix": (make_rigid_transform(camera.rotation.T, camera.centre_m) @ _OPENGL_TO_OURS).tolist(),
         "camera_model": "OPENCV_FISHEYE" if is_fisheye else "OPENCV",
         "w": camera.width_px,
         "h": camera.height_px,

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...physics.arm.kinematics import forward_kinematics, rigid_transform
+from ...physics.arm.kinematics import forward_kinematics, make_rigid_transform
 from ...physics.arm.lander_arm import joint_values, make_arm, make_solids
 from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, find_pad_centres, make_head
 from ...physics.arm.parametric_arm import JOINTS, lander_pose
@@ -79,7 +79,7 @@ def find_link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = make_arm(settings, site_m), settings.rig
     axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
-    head = rigid_transform(axes, (rig.x_m, rig.y_m, site_m + rig.height_m))
+    head = make_rigid_transform(axes, (rig.x_m, rig.y_m, site_m + rig.height_m))
     still = lander_pose(settings, site_m)
     return {
         **dict.fromkeys((BODY, MAST, *LEGS), still),

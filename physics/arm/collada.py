@@ -1,12 +1,12 @@
-"""Collada (.dae): the triangles that the scene of a small file shows, in metres.
+"""Collada (.dae): the triangles, in metres, that the scene of a small file shows.
 
 Format: Khronos, "COLLADA - Digital Asset Schema Release 1.4.1", 2008; 1.5 has the same elements. Blender reads Collada
-up to 4.5 only, and Blender as a module does not. The nodes of the scene name the geometries that are visible;
-materials, images and animations are not read, and no other file is opened.
+up to 4.5 only, and Blender as a module does not. The nodes of the scene name the visible geometries. Materials, images
+and animations are not read, and no other file is opened.
 
-Coordinates are multiplied by the stated unit, and axes stay as they are written, whatever ``up_axis`` states: RViz,
-MoveIt and Gazebo do the same (they leave out the turn of the root that Assimp makes of ``up_axis``), and published
-URDF files are made to look right there.
+Coordinates are multiplied by the stated unit, and axes stay as they are written, whatever ``up_axis`` states. RViz,
+MoveIt and Gazebo do the same (they leave out the turn of the root that Assimp makes of ``up_axis``), and published URDF
+files are made to look right there.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
 from ...support.number_text import format_count
-from .kinematics import rigid_transform, rotation_about
+from .kinematics import make_rigid_transform, rotation_about
 
 Number = TypeVar("Number", int, float)
-#: Maximum number of nodes and their parts, each as often as the scene shows it.
+#: Maximum number of nodes and their parts; each counts as many times as the scene shows it.
 _MAX_NODES = 100_000
-#: Maximum number of inputs of a corner.
+#: Maximum number of indices of a corner.
 _MAX_INPUTS = 100
 #: Number of characters that are split into words at once.
 _CHARACTERS_AT_ONCE = 2**18
@@ -43,10 +43,11 @@ Mesh = tuple[Array, Array]
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> Mesh:
-    """Vertices (n, 3) in metres and triangles (m, 3); a polygon of more corners becomes a fan.
+    """Parse the vertices (n, 3) in metres and the triangles (m, 3); a polygon of more corners becomes a fan.
 
-    Raises ValueError if the file has no mesh, RefusedError for more than ``most`` triangles, or three times as many
-    vertices, and for unsupported content: skins, holes in polygons, transforms that shear or look at a place.
+    Raises ValueError if the file is broken. Raises RefusedError if the scene shows no triangle, for more than ``most``
+    triangles or three times as many vertices, and for unsupported content: skins, holes in polygons, and transforms
+    that shear or look at a place.
     """
     # The parser would call its handler of text for each line.
     root = parse_xml(foreign.text().replace("\n", " ").replace("\t", " "), foreign.budget)
@@ -63,7 +64,7 @@ class _ColladaDocument:
             item.tag = item.tag.rpartition("}")[2]
             if name := item.get("id"):
                 self.by_id.setdefault((item.tag, name), []).append(item)
-        # A file may refer to one element from everywhere.
+        # A file may refer to one element many times.
         self.array_of, self.positions_of, self.source_of = (
             cache(self._read_float_array),
             cache(self._read_positions),
@@ -72,7 +73,7 @@ class _ColladaDocument:
         self.mesh_of, self.split_pose = cache(self._read_geometry), cache(self._compose_transforms)
 
     def read(self) -> Mesh:
-        """The mesh of all shown geometries, in metres."""
+        """Read the mesh of all shown geometries, in metres."""
         if self.root.tag != "COLLADA":
             raise ValueError(f"it begins with <{shorten(self.root.tag)}> and not with <COLLADA>")
         unit = self.root.find("asset/unit")
@@ -142,7 +143,7 @@ class _ColladaDocument:
             left += [(each, place) for each in reversed(inner)]
 
     def _compose_transforms(self, node: ElementTree.Element) -> Array:
-        """The pose (4, 4) of a node: the product of its transforms in their order."""
+        """Compute the pose (4, 4) of a node: the product of its transforms in their order."""
         made = np.eye(4)
         for each in node:
             if each.tag in _TRANSFORMS:
@@ -155,7 +156,7 @@ class _ColladaDocument:
         return made
 
     def _parse_transform(self, item: ElementTree.Element) -> Array:
-        """The pose (4, 4) of one transform element."""
+        """Parse the pose (4, 4) of one transform element."""
         values = self._parse_numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
         if not np.abs(values).max() <= _LARGEST_NUMBER:
             raise ValueError(f"a <{item.tag}> contains a value that is not a number")
@@ -166,15 +167,15 @@ class _ColladaDocument:
         if item.tag == "scale":
             return np.diag([*values, 1.0])
         return (
-            rigid_transform(place=values)
+            make_rigid_transform(place=values)
             if item.tag == "translate"
-            else rigid_transform(_rotation_about(values[:3], math.radians(values[3])))
+            else make_rigid_transform(_rotation_about(values[:3], math.radians(values[3])))
         )
 
     # Geometries
 
     def _read_geometry(self, geometry: ElementTree.Element) -> Mesh:
-        """Vertices and triangles of a geometry, in the file's unit."""
+        """Read the vertices and triangles of a geometry, in the file's unit."""
         mesh = geometry.find("mesh")
         found = [self._read_primitive(item) for item in mesh if item.tag in _PRIMITIVES] if mesh is not None else []
         starts, points, count = dict[ElementTree.Element, int](), [np.empty((0, 3))], 0
@@ -192,14 +193,14 @@ class _ColladaDocument:
         )
 
     def _read_float_array(self, numbers: ElementTree.Element) -> Array:
-        """The numbers (n,) of a ``<float_array>``."""
+        """Read the numbers (n,) of a ``<float_array>``."""
         found = self._parse_numbers(numbers.text, float, _read_count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
             raise ValueError("an array contains a value that is not a number")
         return found
 
     def _read_positions(self, source: ElementTree.Element) -> Array:
-        """The positions (n, 3) that a source contains."""
+        """Read the positions (n, 3) that a source contains."""
         accessor = source.find("technique_common/accessor")
         if accessor is None:
             raise ValueError("a source has no accessor")
@@ -220,14 +221,14 @@ class _ColladaDocument:
         return values[start + stride * np.arange(count)[:, None] + columns]
 
     def _find_position_source(self, vertices: ElementTree.Element) -> ElementTree.Element:
-        """The source of the positions of a ``<vertices>``."""
+        """Find the source of the positions of a ``<vertices>`` element."""
         urls = [each.get("source") for each in vertices.findall("input") if each.get("semantic") == "POSITION"]
         if len(urls) != 1:
             raise ValueError("a <vertices> must have exactly one input POSITION")
         return self._find("source", urls[0])
 
     def _read_primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
-        """The position source of a primitive, and its triangles (m, 3) as indices into that source."""
+        """Read the position source of a primitive, and its triangles (m, 3) as indices into that source."""
         inputs = [(each, _read_count(each, "offset")) for each in item.findall("input")]
         width = 1 + max((offset for _, offset in inputs), default=0)
         vertex = [(each, offset) for each, offset in inputs if each.get("semantic") == "VERTEX"]
@@ -243,13 +244,17 @@ class _ColladaDocument:
         self.budget.charge(24 * int(fan.sum()), "triangles")
         first, inner = np.repeat(at, fan), np.arange(fan.sum()) - np.repeat(np.cumsum(fan) - fan, fan)
         triangles = np.stack([first, first + inner + 1, first + inner + 2], axis=1)
-        if item.tag == "tristrips":  # the next triangle has the last two corners, every second one turned back
+        if (
+            item.tag == "tristrips"
+        ):  # a triangle starts with its predecessor's last two corners; every second is flipped
             triangles[:, 0] += inner
             triangles[inner % 2 == 1] = triangles[inner % 2 == 1][:, [1, 0, 2]]
         return source, corners.reshape(-1, width)[:, vertex[0][1]][triangles]
 
     def _read_corners(self, item: ElementTree.Element, width: int) -> tuple[Array, Array]:
-        """Corner counts of the polygons, fans or strips, and ``width`` numbers of each corner in one row."""
+        """Read the number of corners of each polygon, fan or strip, and the indices of all corners, ``width`` for each,
+        as one flat array.
+        """
         lists = [each.text for each in item.findall("p")]
         if item.tag in ("triangles", "polylist"):
             count = _read_count(item, "count")
@@ -263,7 +268,7 @@ class _ColladaDocument:
                 lengths = self._parse_numbers(stated.text if stated is not None else "", int, count, "a <vcount>")
                 if (lengths < 0).any():
                     raise ValueError("a <vcount> has a negative number")
-                if lengths.max(initial=0) > 3 * self.most:  # no sum of them is beyond what numbers can be
+                if lengths.max(initial=0) > 3 * self.most:  # so their sum cannot overflow
                     raise RefusedError(f"has more than {self.most} triangles; make it coarser.")
             return lengths, self._parse_numbers(
                 " ".join(each or "" for each in lists), int, int(lengths.sum()) * width, f"the faces of a <{item.tag}>"
@@ -316,7 +321,7 @@ def _split_words(text: str | None) -> Iterator[list[str]]:
 
 
 def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Number]:
-    """Numbers of this ``kind`` (int or float) from words. Raises ValueError for a word that is not a number."""
+    """Parse numbers of this ``kind`` (int or float) from words. Raises ValueError for a word that is not a number."""
     try:
         return list(map(kind, words))
     except ValueError:
@@ -324,7 +329,7 @@ def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Numbe
 
 
 def _parse_number(text: str, where: str) -> float:
-    """A finite number of at most _LARGEST_NUMBER. Raises ValueError for any other text."""
+    """Parse one number. Raises ValueError for any other text."""
     return _parse_words([text], float, where)[0]
 
 
@@ -337,7 +342,9 @@ def _read_count(item: ElementTree.Element, key: str, default: int | None = None)
 
 
 def _rotation_about(axis: Array, angle: float) -> Array:
-    """The rotation (3, 3) by an angle in radians about an axis (3,) of any length."""
+    """Make the rotation (3, 3) by an angle in radians about an axis (3,) of any length above 0. Raises ValueError for
+    an axis without a length.
+    """
     length = float(np.linalg.norm(axis))
     if angle == 0:
         return np.eye(3)

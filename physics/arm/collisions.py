@@ -1,4 +1,4 @@
-"""Whether an arm touches itself, the lander, the ground or an eye, by capsules around its links."""
+"""Collisions of an arm with itself, the lander, the ground or an eye, found by capsules around its links."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _GROUND_STEP_M = 0.02
 
 @dataclass(frozen=True)
 class WorldCapsule:
-    """A capsule in the world: start and end (3,), radius in metres, and the number of its link, -1 for the base."""
+    """A capsule in the world: start and end (3,), radius in metres, and the index of its link, -1 for the base."""
 
     link: int
     start: Array
@@ -28,7 +28,7 @@ class WorldCapsule:
 
 
 def place_capsules(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[WorldCapsule]:
-    """All capsules in the world. ``others`` are still capsules in the frame of the arm's base."""
+    """Place all capsules of an arm in the world. ``others`` are fixed capsules in the frame of the arm's base."""
     poses = forward_kinematics(arm, joints_rad)
     found = []
     for capsule in (*arm.capsules, *others):
@@ -39,11 +39,14 @@ def place_capsules(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()
 
 
 def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
-    """Distance between the segments a-b and c-d (Ericson 2005, *Real-Time Collision Detection*, section 5.1.9)."""
+    """Compute the distance between the segments a-b and c-d.
+
+    Source: Ericson 2005, *Real-Time Collision Detection*, section 5.1.9.
+    """
     u, v, w = b - a, d - c, a - c
     uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
     denominator = uu * vv - uv * uv
-    # On parallel segments any point of the first will do; the clamping below corrects it.
+    # On parallel segments, any point of the first segment can be chosen; the clamping below corrects it.
     s = np.clip((uv * vw - vv * uw) / denominator, 0.0, 1.0) if denominator > 1e-15 else 0.0
     t = np.clip((uv * s + vw) / vv, 0.0, 1.0) if vv > 0 else 0.0
     s = np.clip((uv * t - uw) / uu, 0.0, 1.0) if uu > 0 else 0.0
@@ -51,13 +54,13 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
 
 
 def capsule_clearance_m(one: WorldCapsule, other: WorldCapsule) -> float:
-    """Distance between two capsules in metres, negative where they overlap."""
+    """Compute the distance between two capsules in metres; negative where they overlap."""
     return segment_distance(one.start, one.end, other.start, other.end) - one.radius_m - other.radius_m
 
 
 def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
-    """Pairs of link names whose capsules overlap; "lander" is the base. Links that share a joint always touch there, so
-    they are left out.
+    """Find the pairs of link names whose capsules overlap; "lander" is the base. Links that share a joint are left out,
+    because they always touch.
     """
     names = (*arm.links, "lander")  # -1 is the last
     lines, found = place_capsules(arm, joints_rad, others), []
@@ -69,7 +72,7 @@ def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...
 
 
 def _are_joined(arm: Arm, one: int, other: int) -> bool:
-    """Whether two links are the same link, share a joint, or both belong to the base."""
+    """Return whether two links are the same link or share a joint; -1 is the base."""
     return (
         one == other
         or (one >= 0 and arm.joints[one].parent == other)
@@ -78,8 +81,8 @@ def _are_joined(arm: Arm, one: int, other: int) -> bool:
 
 
 def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[str, float]:
-    """Least height in metres of each moving link above the ground, by name; negative below the ground, NaN outside the
-    ground. ``heights`` returns the ground height in metres at coordinates (n,).
+    """Compute the least height in metres of each moving link above the ground, by name; negative below the ground, NaN
+    outside it. ``heights`` returns the ground height in metres at coordinates (n,).
     """
     found: dict[str, float] = {}
     for line in place_capsules(arm, joints_rad):
@@ -93,7 +96,9 @@ def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[s
 
 
 def find_link_around(arm: Arm, joints_rad: Array, point: Array) -> str:
-    """Name of the link whose capsule contains a world point (3,) in metres, such as an eye; empty if no link does."""
+    """Return the name of the link whose capsule contains a world point (3,), m, such as an eye; empty if no capsule
+    does.
+    """
     for line in place_capsules(arm, joints_rad):
         if segment_distance(line.start, line.end, point, point) < line.radius_m:
             return arm.links[line.link]

@@ -22,9 +22,10 @@ def describe_keypoints(
 ) -> list[dict[str, Any]]:
     """Describe the keypoints for ``pair.json``.
 
-    ``links`` are the poses (4, 4) of the links in the world, ``eyes`` the camera-to-world matrices in OpenCV axes,
-    ``matrix`` (3, 3) the matrix K of both cameras with pixel centres at halves, ``depths`` the true depths (H, W) in
-    metres, NaN for sky. A point is visible if nothing is nearer at its pixel by more than its radius.
+    ``links`` are the poses (4, 4) of the links in the world, and ``eyes`` the camera-to-world matrices in OpenCV axes.
+    ``matrix`` (3, 3) is the matrix K of both cameras with pixel centres at halves. ``depths`` are the true depths (H,
+    W) in metres, NaN for sky. A point in the image is visible unless its pixel shows something that is nearer by more
+    than the point's radius.
     """
     found = []
     for name, link, place, radius in list_keypoints(settings, pads_m):
@@ -39,7 +40,7 @@ def describe_keypoints(
 
 
 def _project(world: Array, pose: Array, matrix: Array) -> tuple[list[float] | None, float]:
-    """Pixel (x, y) and planar depth in metres of a world point (3,); the pixel is None behind the eye."""
+    """Return the pixel (x, y) of a world point (3,), None behind the eye, and its planar depth in metres."""
     x, y, z = pose[:3, :3].T @ (world - pose[:3, 3])
     if z <= 0:
         return None, float(z)
@@ -48,7 +49,9 @@ def _project(world: Array, pose: Array, matrix: Array) -> tuple[list[float] | No
 
 
 def _is_seen(pixel: list[float] | None, depth: float, radius: float, depths: Array) -> bool:
-    """Whether a point within ``radius`` metres of the surface at ``depth`` is visible at its pixel."""
+    """Return whether a point, at most ``radius`` metres behind the surface, is visible at its pixel; ``depth`` is in
+    metres.
+    """
     if pixel is None:
         return False
     column, row = int(np.floor(pixel[0])), int(np.floor(pixel[1]))

@@ -17,9 +17,9 @@ from ...support.arrays import Array
 class Joint:
     """A joint and the link that it moves.
 
-    ``parent`` is the index of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at angle
-    0 in the frame of the link before it, ``axis`` (3,) the unit vector in the link's frame about which it rotates, or
-    along which it slides. Limits are radians or metres.
+    ``parent`` is the index of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at value
+    0 in the frame of the link before it. ``axis`` (3,) is the unit vector, in the link's frame, about which the link
+    rotates or along which it slides. The limits ``low`` and ``high`` are in radians, or metres for a joint that slides.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Joint:
 class Capsule:
     """All points within ``radius_m`` of the line from ``start`` to ``end`` (3,), in the frame of a link.
 
-    ``link`` is the number of the joint that moves it, -1 for the base.
+    ``link`` is the index of the joint that moves it, -1 for the base.
     """
 
     link: int
@@ -47,11 +47,11 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Arm:
-    """The joints of an arm, the pose of its base, its tool's point and the capsules around its links.
+    """The joints of an arm, the pose of its base, the point of its tool, and the capsules around its links.
 
-    ``base`` (4, 4) is the pose of the base's frame in the world, ``tip`` (3,) the tool's point in the frame of the last
-    link. ``lengths_m`` are for a parametric arm, whose inverse kinematics are known in closed form: the distance of
-    the shoulder's axis from the yaw's, upper arm, forearm, and wrist to tip; empty for another arm.
+    ``base`` (4, 4) is the pose of the base's frame in the world, and ``tip`` (3,) the tool's point in the frame of the
+    last link. ``lengths_m`` are the lengths for closed inverse kinematics, which only a parametric arm has: from the
+    axis of the yaw to the axis of the shoulder, upper arm, forearm, and wrist to tip. For another arm they are empty.
     """
 
     joints: tuple[Joint, ...]
@@ -76,66 +76,67 @@ class Arm:
         return np.array([joint.high for joint in self.joints])
 
 
-def cross_matrix(axis: Array) -> Array:
-    """The matrix (3, 3) that maps v to axis x v."""
+def make_cross_matrix(axis: Array) -> Array:
+    """Make the matrix (3, 3) that maps v to axis x v."""
     x, y, z = axis
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotation_about(axis: Array, angle: float) -> Array:
-    """Rotation (3, 3) about a unit axis by an angle in radians (Rodrigues)."""
-    k = cross_matrix(axis)
+    """Make the rotation (3, 3) about a unit axis by an angle in radians (Rodrigues' formula)."""
+    k = make_cross_matrix(axis)
     return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
 
 
-def rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
-    """A rigid transformation (4, 4) from a rotation (3, 3) and a translation (3,) in metres."""
+def make_rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
+    """Make a rigid transformation (4, 4) from a rotation (3, 3) and a translation (3,) in metres."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if rotation is None else rotation
     made[:3, 3] = place
     return made
 
 
-def _zero_poses(arm: Arm) -> list[Array]:
-    """Pose (4, 4) of each link in the base's frame at zero angles."""
+def _compute_zero_poses(arm: Arm) -> list[Array]:
+    """Compute the pose (4, 4) of each link in the base's frame with all joints at 0."""
     found: list[Array] = []
     for joint in arm.joints:
         found.append((found[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.origin)
     return found
 
 
-def _joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
-    """Compute the motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose at zero angles;
-    ``angle`` is in radians, or metres for a joint that slides.
+def _compute_joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
+    """Compute the motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose with all joints at
+    0; ``angle`` is in radians, or metres for a joint that slides.
     """
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:
-        return rigid_transform(place=axis * angle)
+        return make_rigid_transform(place=axis * angle)
     rotation, point = rotation_about(axis, angle), zero[:3, 3]
-    return rigid_transform(rotation, point - rotation @ point)
+    return make_rigid_transform(rotation, point - rotation @ point)
 
 
 def forward_kinematics(arm: Arm, joints_rad: Array) -> Array:
-    """Pose of each moving link in the world, (links, 4, 4), for the angles (links,) in radians.
+    """Compute the pose of each moving link in the world, (links, 4, 4), from the joints' values (links,) in radians, or
+    metres for joints that slide.
 
     Limits are not applied: see ``find_joints_beyond_limits``.
     """
-    zeros = _zero_poses(arm)
+    zeros = _compute_zero_poses(arm)
     motions: list[Array] = []
     for joint, zero, angle in zip(arm.joints, zeros, np.asarray(joints_rad, np.float64), strict=True):
         before = motions[joint.parent] if joint.parent >= 0 else np.eye(4)
-        motions.append(before @ _joint_motion(joint, zero, float(angle)))
+        motions.append(before @ _compute_joint_motion(joint, zero, float(angle)))
     return np.stack([arm.base @ motion @ zero for motion, zero in zip(motions, zeros, strict=True)])
 
 
 def find_tip(arm: Arm, joints_rad: Array) -> Array:
-    """Position (3,) of the tool's point in the world, in metres."""
+    """Compute the position (3,) of the tool's point in the world, in metres."""
     last = forward_kinematics(arm, joints_rad)[-1]
     return np.asarray(last[:3, :3] @ arm.tip + last[:3, 3])
 
 
 def find_joints_beyond_limits(arm: Arm, joints_rad: Array) -> list[int]:
-    """Indices of the joints whose angle exceeds its limits by more than rounding."""
-    # Settings are stored in single precision: an angle at its limit may be 1e-7 of itself beyond it.
+    """Find the indices of the joints whose values exceed their limits by more than rounding."""
+    # Settings are stored in single precision, so a rounded angle can exceed its limit by a relative 1e-7.
     angles, slack = np.asarray(joints_rad, np.float64), 1e-6
     return [int(k) for k in np.flatnonzero((angles < arm.low - slack) | (angles > arm.high + slack))]

@@ -1,7 +1,7 @@
 """Solids of the lander and its arm, one for each link, in the frame of the link.
 
-The design is our own, with the parts of published landers: a deck over a body in foil, legs with a shock absorber and
-two struts, round pads, a mast, an arm of painted tubes between metal joints, cables, and a bucket with a blade.
+The design is our own, but has the parts of published landers: a deck over a body in foil, legs with a shock absorber
+and two struts, round pads, a mast, an arm of painted tubes between metal joints, cables, and a bucket with a blade.
 Settings give the main sizes, from which the other dimensions follow.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from ...settings.topics.lander import ArmSettings, LanderSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from .kinematics import Capsule, rigid_transform
+from .kinematics import Capsule, make_rigid_transform
 from .parametric_arm import RADII_M
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, make_prism, make_rod, transform_solid
 
@@ -35,16 +35,17 @@ _DECK_M = 0.03
 #: Depth of the body under the deck, in metres.
 _BODY_DEPTH_M = 0.3
 #: Pose whose x axis is the y axis: turns a solid of revolution about x into one about y.
-_AXIS_X_TO_Y = rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+_AXIS_X_TO_Y = make_rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 #: Pose that turns a solid of revolution about x into one about z.
-_AXIS_X_TO_Z = rigid_transform(
+_AXIS_X_TO_Z = make_rigid_transform(
     np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
 )
 
 
 def make_still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solids that do not move, by name, in the lander's frame: body, legs, and the mast if the cameras are above
-    the deck. ``pads_m`` are the ground heights in metres under the left and the right pad, above that frame's level.
+    """Make the solids that do not move, by name, in the lander's frame: body, legs, and the mast if the cameras are
+    above the deck. ``pads_m`` are the ground heights in metres under the left and the right pad, above the origin of
+    that frame.
     """
     lander, top = settings.lander, settings.lander.deck_height_m
     mast = _make_mast(settings, top)
@@ -59,7 +60,7 @@ def make_still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) 
 
 
 def make_arm_solids(arm: ArmSettings) -> dict[str, Solid]:
-    """Make the solid of each link of the parametric arm by name, in the link's frame, m."""
+    """Make the solid of each link of the parametric arm by name, in the link's frame, in metres."""
     return {
         "turret": _make_turret(arm),
         "upper_arm": _make_segment(arm.upper_m, 0.042, 0.075, 1),
@@ -70,19 +71,19 @@ def make_arm_solids(arm: ArmSettings) -> dict[str, Solid]:
 
 
 def find_pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[float, float]]:
-    """(x, y) of the left and the right pad in the lander's frame, in metres."""
+    """Return (x, y) of the centres of the left and the right pad in the lander's frame, in metres."""
     return (lander.pad_ahead_m, lander.pad_apart_m / 2), (lander.pad_ahead_m, -lander.pad_apart_m / 2)
 
 
 def _make_upright(
     material: str, outline: Sequence[tuple[float, float]], at: tuple[float, ...] | Array, sides: int = 40
 ) -> Solid:
-    """A solid of revolution about a vertical axis through ``at``, from an outline of (height, radius)."""
-    return transform_solid(make_lathe(material, outline, sides), rigid_transform(_AXIS_X_TO_Z[:3, :3], at))
+    """Make a solid of revolution about a vertical axis through ``at``, from an outline of (height, radius)."""
+    return transform_solid(make_lathe(material, outline, sides), make_rigid_transform(_AXIS_X_TO_Z[:3, :3], at))
 
 
 def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
-    """The motor of a pitch joint: a cylinder along the y axis."""
+    """Make the motor of a pitch joint: a cylinder along the y axis."""
     half = width / 2
     outline = [
         (-half, 0.0),
@@ -96,10 +97,11 @@ def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012)
 
 
 def _make_joint(radius: float, width: float) -> list[Solid]:
-    """A cylinder with black caps and a ring of bolts."""
+    """Make the solids of a joint: a cylinder along the y axis, with black caps and rings of bolts."""
     caps = [
         transform_solid(
-            _make_drum(BLACK, radius * 0.72, 0.02, 0.004), rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0))
+            _make_drum(BLACK, radius * 0.72, 0.02, 0.004),
+            make_rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0)),
         )
         for side in (-1, 1)
     ]
@@ -118,7 +120,7 @@ def _make_joint(radius: float, width: float) -> list[Solid]:
 
 
 def _make_turret(arm: ArmSettings) -> Solid:
-    """The link that turns with the yaw joint and carries the shoulder."""
+    """Make the link that turns with the yaw joint and carries the shoulder."""
     offset = max(arm.offset_m, 1e-3)
     below = min(0.22, arm.shoulder_z_m - 0.05)
     outline = [
@@ -140,7 +142,7 @@ def _make_turret(arm: ArmSettings) -> Solid:
     ]
     floor = make_box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
     motors = [
-        transform_solid(_make_drum(BLACK, 0.045, 0.05), rigid_transform(place=(offset, side * 0.094, 0.0)))
+        transform_solid(_make_drum(BLACK, 0.045, 0.05), make_rigid_transform(place=(offset, side * 0.094, 0.0)))
         for side in (-1, 1)
     ]
     return join_solids([drum, band, *cheeks, floor, *motors])
@@ -175,13 +177,13 @@ def _make_segment(length: float, radius: float, joint: float, side: int) -> Soli
     parts += [make_rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
     places = np.linspace(inner + 0.12, end - 0.12, 3)
     ring = make_lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)])
-    parts += [transform_solid(ring, rigid_transform(place=(x, 0.0, 0.0))) for x in places]
+    parts += [transform_solid(ring, make_rigid_transform(place=(x, 0.0, 0.0))) for x in places]
     parts += [make_box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003) for x in places]
     return join_solids(parts)
 
 
 def _make_hand(arm: ArmSettings) -> Solid:
-    """The link between the wrist and the scoop."""
+    """Make the link between the wrist and the scoop."""
     length = arm.hand_m
     parts = [
         *_make_joint(0.042, 0.075),
@@ -194,14 +196,14 @@ def _make_hand(arm: ArmSettings) -> Solid:
 
 
 def _make_plate(corners: Sequence[tuple[float, float]], y: float, thick: float) -> Solid:
-    """A flat plate of metal with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
-    # prism makes its outline in x and y, with z as the height.
-    turn = rigid_transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    """Make a flat plate of metal with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
+    # make_prism takes its outline in x and y, with z as the height.
+    turn = make_rigid_transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
     return transform_solid(make_prism(METAL, corners, -y - thick / 2, -y + thick / 2), turn)
 
 
 def _make_scoop(arm: ArmSettings) -> Solid:
-    """An open bucket with the back at z = 0, a rounded heel at the hand and a blade at the tip; it opens to -z."""
+    """Make an open bucket with its back at z = 0, a rounded heel at the hand and a blade at the tip; it opens to -z."""
     length, width, depth = arm.scoop_length_m, arm.scoop_width_m, arm.scoop_depth_m
     thick = 0.03 * min(length, width, depth) + 0.001
     heel = [(0.0, -depth), (0.0, -0.3 * depth), (0.12 * length, 0.0)]  # (x, z) of the rounded end
@@ -235,12 +237,12 @@ def _make_wall(start: tuple[float, float], end: tuple[float, float], width: floa
     along = math.hypot(end[0] - start[0], end[1] - start[1])
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     c, s = math.cos(angle), math.sin(angle)
-    turned = rigid_transform(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
+    turned = make_rigid_transform(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
     return transform_solid(make_box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
 
 
 def _find_deck_extent(lander: LanderSettings) -> tuple[float, float, float, float]:
-    """Front, half width and top of the deck, and the floor of the body, in metres in the lander's frame."""
+    """Return the front, half width and top of the deck, and the floor of the body, in metres in the lander's frame."""
     top = lander.deck_height_m
     return lander.deck_front_m, lander.deck_width_m / 2, top, max(top - _DECK_M - _BODY_DEPTH_M, 0.3 * top)
 
@@ -269,7 +271,7 @@ def _make_body(settings: Settings) -> Solid:
 
 
 def _make_deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
-    """The parts on the deck: a rail, cables, boxes, a sample funnel and a colour target."""
+    """Make the parts on the deck: a rail, boxes, a sample funnel and a colour target."""
     y = half - corner - 0.02
     rail = [make_rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
     rail += [
@@ -294,8 +296,8 @@ def _make_deck_parts(front: float, half: float, corner: float, top: float) -> li
 
 
 def _make_boom(settings: Settings, front: float, top: float) -> list[Solid]:
-    """The support of the arm in front of the deck: two beams and a plate, under our turret or the first link of the
-    user's arm.
+    """Make the support of the arm in front of the deck: beams and a plate, under the built-in turret or the first link
+    of the user's arm.
     """
     arm = settings.arm
     below = 0.0 if settings.lander.kind == "OWN" else min(0.22, arm.shoulder_z_m - 0.05)
@@ -328,7 +330,7 @@ def _make_boom(settings: Settings, front: float, top: float) -> list[Solid]:
 
 
 def _make_mast(settings: Settings, top: float) -> list[Solid]:
-    """The mast under the cameras, behind both eyes."""
+    """Make the mast under the cameras, behind both eyes; no solids if the cameras are not above the deck."""
     height = settings.rig.height_m - 0.17
     if height < top + 0.1:
         return []
@@ -346,7 +348,7 @@ def _make_mast(settings: Settings, top: float) -> list[Solid]:
 def _make_leg(
     lander: LanderSettings, foot: tuple[float, float, float], deck: tuple[float, float, float, float]
 ) -> list[Solid]:
-    """A main leg with a shock absorber, two struts, and a round pad on a ball. The sole of the pad is at ``foot``."""
+    """Make a main leg with a shock absorber, two struts, and a round pad on a ball. The pad's sole is at ``foot``."""
     (x, y, z), (front, half, top, floor), side = foot, deck, math.copysign(1.0, foot[1])
     r = lander.pad_diameter_m / 2
     ankle = np.array([x, y, z + 0.45 * r + 0.02])
@@ -378,7 +380,7 @@ def _make_leg(
 
 
 def make_head(settings: Settings) -> Solid:
-    """The housing of the cameras, behind both eyes, in the axes of the left eye (x right, y down, z forward)."""
+    """Make the housing of the cameras, behind both eyes, in the axes of the left eye (x right, y down, z forward)."""
     baseline = settings.rig.baseline_m
     width = baseline + 0.14
     parts = [
@@ -390,7 +392,7 @@ def make_head(settings: Settings) -> Solid:
 
 
 def make_body_capsules(settings: Settings) -> tuple[Capsule, ...]:
-    """Capsules around deck, legs and mast, which the arm must not touch, in the frame of the arm's base."""
+    """Make the capsules around deck, legs and mast, which the arm must not touch, in the frame of the arm's base."""
     lander, arm = settings.lander, settings.arm
     front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
     shoulder = np.array([arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m])
@@ -412,13 +414,12 @@ def make_body_capsules(settings: Settings) -> tuple[Capsule, ...]:
 
 
 #: A point on a link: its name, the link's name, its position (3,) in the link's frame, and the largest distance in
-#: metres by which the surface may lie in front of the point. A joint's point is the middle of its drum, one radius
-#: behind the surface.
+#: metres of the point behind the surface. A joint's point is the middle of its drum, one radius behind the surface.
 Keypoint = tuple[str, str, Array, float]
 
 
 def list_arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
-    """The points of the parametric arm."""
+    """List the points of the parametric arm."""
     w, d, length = arm.scoop_width_m / 2, arm.scoop_depth_m, arm.scoop_length_m
     points = [
         ("shoulder", "upper_arm", (0.0, 0.0, 0.0), 0.1),
@@ -433,7 +434,7 @@ def list_arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
 
 
 def list_still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
-    """The points of deck and pads. ``pads_m`` are the ground heights in metres under the left and the right pad."""
+    """List the points of deck and pads. ``pads_m`` are the ground heights in metres under the left and right pad."""
     points = [
         (f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
         for side, leg, (x, y), z in zip(("left", "right"), LEGS, find_pad_centres(lander), pads_m, strict=True)

@@ -1,6 +1,6 @@
 """Triangles of a robot's link from STL (binary and ASCII), Wavefront OBJ and Collada, read without other libraries.
 
-The file comes from a stranger: its size is bounded, its indices are checked, and no other file that it names is opened.
+The file comes from a stranger. Its size is bounded, its indices are checked, and no other file that it names is opened.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ MAX_TRIANGLES = 1_000_000
 
 
 def read_link_mesh(path: Path) -> tuple[Array, Array]:
-    """Vertices (n, 3), of Collada in metres and else in the file's unit, and triangles (m, 3).
+    """Read the vertices (n, 3) and the triangles (m, 3) of a mesh. Vertices of Collada are in metres, others in the
+    file's unit.
 
     Raises IcyMoonError if the file is missing, of another format, too large, empty or broken.
     """
@@ -44,7 +45,7 @@ def read_link_mesh(path: Path) -> tuple[Array, Array]:
 
 
 def _check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
-    """Raise RefusedError for a mesh without triangles or with coordinates that are not finite."""
+    """Return the mesh. Raises RefusedError if it has no triangles or a coordinate that is not finite."""
     if not len(triangles):
         raise RefusedError("has no triangle; export it again.")
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e9:

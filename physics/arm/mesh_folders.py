@@ -1,6 +1,6 @@
-"""The folders that may hold the meshes of a URDF file: its own, its ROS package's, and a package beside that.
+"""The folders that may hold the meshes of a URDF file: its own, its ROS package's, and a package beside that package.
 
-A folder is a package by its ``package.xml`` (ROS REP 149). Nothing else above the URDF file is ever read.
+A folder is a package if it has a ``package.xml`` (ROS REP 149). Nothing else above the URDF file is ever read.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ Place = tuple[Path, Path]
 
 
 class MeshFolders:
-    """The folders around a URDF file, with symbolic links resolved. ``package`` is the folder of its ROS package, or
-    its own folder without a package.
+    """The folders around a URDF file, with symbolic links resolved. ``own`` is the file's folder, ``package`` the
+    folder of its ROS package; both are the same without a package.
     """
 
     def __init__(self, urdf: Path) -> None:
@@ -31,12 +31,12 @@ class MeshFolders:
         self.package = self._packages[0] if self._packages else self.own
 
     def find_relative_places(self, path: str) -> list[Place]:
-        """The candidate files for a mesh path that is relative to the URDF."""
+        """List the candidate files for a mesh path that is relative to the URDF."""
         return [(self.package, self.own / path)]
 
     def find_package_places(self, package: str, path: str) -> list[Place]:
-        """The candidate files for a mesh of a package: in a package of this name above the URDF or beside such a
-        package; else in the URDF's own package, because its folder may have been renamed.
+        """List the candidate files for a mesh of a package. They are in packages of this name above the URDF or beside
+        a package above it; then in the URDF's own package, because its folder may have been renamed.
         """
         named = [each for each in self._packages if package in (each.name, _read_package_name(each))]
         beside = [each.parent / package for each in self._packages]
@@ -51,12 +51,12 @@ class MeshFolders:
 def _is_package(folder: Path) -> bool:
     try:
         return (folder / _MANIFEST).is_file()
-    except (OSError, ValueError):  # a folder that may not be entered, or that can be none
+    except (OSError, ValueError):  # a folder that may not be entered, or an impossible path
         return False
 
 
 def _read_package_name(folder: Path) -> str:
-    """The name in a package's manifest; empty without a readable name."""
+    """Read the name in a package's manifest; empty without a readable name."""
 
     def parse(foreign: ForeignBytes) -> ElementTree.Element:
         return parse_xml(foreign.text())

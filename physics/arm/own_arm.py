@@ -1,7 +1,7 @@
 """The user's own arm from a URDF file, as an ``Arm`` and its solids.
 
-Its first link stands where the shoulder of the parametric arm would be, x forward, y left, z up. Joints that do not
-move, and the first link, have limits of 0.
+Its first link stands at the place of the parametric arm's shoulder, x forward, y left, z up. The first link, and joints
+that do not move, have limits of 0.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path, shorten
 from ...support.foreign_bytes import describe_reason
-from .kinematics import Arm, Capsule, Joint, rigid_transform
+from .kinematics import Arm, Capsule, Joint, make_rigid_transform
 from .link_mesh import read_link_mesh
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, transform_solid
 from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
@@ -31,19 +31,19 @@ _WIDEST_LINK_M = 20.0
 #: Maximum number of triangles of the whole arm.
 MAX_TRIANGLES = 1_000_000
 #: Pose that turns a solid of revolution about x into one about z.
-_AXIS_X_TO_Z = rigid_transform(
+_AXIS_X_TO_Z = make_rigid_transform(
     np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
 )
 _METAL = "metal"
-#: Names of our lander's parts; a user's link with such a name is renamed.
+#: Names of the built-in lander's parts; a user's link with such a name is renamed.
 LANDER_PARTS = ("body", "mast", "leg_left", "leg_right", "head")
 
 
 @dataclass(frozen=True)
 class UrdfArm:
-    """A user's arm. ``joints`` are all joints, as in ``kinematics.Arm``. Joint i has the value ``factors[i]`` times the
-    commanded value with the index ``moving[i]`` (-1 for none), plus ``offsets[i]``. ``names`` are the independent
-    joints, and ``solids`` the visible solids by link.
+    """A user's arm. ``joints`` are all joints, as in ``kinematics.Arm``, and ``names`` the independent joints. Joint i
+    has the value ``factors[i] * commanded[moving[i]] + offsets[i]``, where ``moving[i]`` is -1 for a joint without a
+    commanded value. ``solids`` are the visible solids by link.
     """
 
     joints: tuple[Joint, ...]
@@ -55,7 +55,7 @@ class UrdfArm:
     capsules: tuple[Capsule, ...]
 
     def values(self, commanded: Array) -> Array:
-        """Values of all joints in radians or metres, from the commanded ones."""
+        """Compute the values of all joints, in radians or metres, from the commanded values."""
         padded = np.append(commanded, 0.0)
         return np.asarray(self.factors * padded[self.moving] + self.offsets)
 
@@ -65,25 +65,26 @@ class UrdfArm:
 
 
 def load_users_arm(settings: Settings) -> UrdfArm:
-    """The arm of ``lander.file``. Raises IcyMoonError for a file that cannot be used."""
+    """Load the arm of ``lander.file``. Raises IcyMoonError for a file that cannot be used."""
     path = absolute_path(settings.lander.file, "lander.file")
     return _load_arm(path, _file_state(path))
 
 
 def list_arm_files(path: Path) -> list[Path]:
-    """A URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
+    """List a URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
     return [path, *_read_cached_urdf(path, _file_state(path)).files]
 
 
 def make_arm_at(own: UrdfArm, base: Array) -> Arm:
-    """The arm with its first link at ``base`` (4, 4); its tip is the origin of the last link."""
+    """Make the arm with its first link at ``base`` (4, 4); its tip is the origin of the last link."""
     return Arm(own.joints, base, np.zeros(3), own.capsules)
 
 
 def parse_commanded(own: UrdfArm, text: str) -> Array:
-    """Values in radians or metres of the moving joints, from the text of ``lander.joints``: ``name=value`` in degrees
-    or metres, or values in the order of the file. Joints without a value get 0. Names may have spaces. Raises
-    IcyMoonError for other text.
+    """Parse the values of the independent joints, in radians or metres, from the text of ``lander.joints``.
+
+    The text has entries ``name=value`` in degrees or metres, or values in the order of the file. Joints without a value
+    get 0. Names may have spaces. Raises IcyMoonError for other text.
     """
     found = dict.fromkeys(own.names, 0.0)
     any_name = "|".join(map(re.escape, sorted(own.names, key=len, reverse=True)))
@@ -110,8 +111,8 @@ def parse_commanded(own: UrdfArm, text: str) -> Array:
 
 
 def _file_state(path: Path) -> tuple[int, int]:
-    """Size and modification time of a file, by which a cache detects a change. Raises IcyMoonError if the file cannot
-    be read.
+    """Return the size and the modification time of a file, by which a cache detects a change. Raises IcyMoonError if
+    the file cannot be read.
     """
     try:
         there = path.stat()
@@ -134,16 +135,16 @@ def _load_arm(path: Path, state: tuple[int, int]) -> UrdfArm:
 
 @lru_cache(maxsize=4)
 def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> UrdfArm:
-    """The arm of a URDF file. ``state`` and ``_files`` are cache keys that change with the files."""
+    """Build the arm of a URDF file. ``state`` and ``_files`` are cache keys that change with the files."""
     urdf = _read_cached_urdf(path, state)
-    names = _link_names(urdf)
+    names = _rename_links(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
 
     def joint(each: UrdfJoint) -> Joint:
         parent, slides = order.index(each.parent), each.kind in SLIDES
         return Joint(each.name, names[each.child], parent, each.origin, each.axis, each.low, each.high, slides)
 
-    still = Joint("", names[urdf.root], -1, rigid_transform(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    still = Joint("", names[urdf.root], -1, make_rigid_transform(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
     joints = (still, *map(joint, urdf.joints))
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
     follows = [
@@ -171,8 +172,8 @@ def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int
     )
 
 
-def _link_names(urdf: Urdf) -> dict[str, str]:
-    """New name of each link: its name in the file, unless a part of the lander has that name."""
+def _rename_links(urdf: Urdf) -> dict[str, str]:
+    """Return the new name of each link: its name in the file, or ``arm_NAME`` if a part of the lander has that name."""
     found = {link: link for link in urdf.links}
     for link in LANDER_PARTS:
         if link in found:
@@ -188,7 +189,9 @@ Meshes = dict[Path, tuple[Array, Array]]
 
 
 def _make_link_solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
-    """The visible solid of a link, with at most ``most`` triangles; None if nothing of it is visible."""
+    """Make the visible solid of a link; None if the link has no visible shape. Raises IcyMoonError for more than
+    ``most`` triangles, and for a link so wide that its mesh must be in another unit.
+    """
     if not shapes:
         return None
     made: list[Solid] = []
@@ -229,8 +232,7 @@ def _make_shape_solid(shape: Shape, meshes: Meshes) -> Solid:
 
 
 def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
-    """Fit a capsule around each link: along its longest direction, and as wide as the vertex farthest from that
-    line."""
+    """Fit a capsule around each link: along its longest direction, as wide as the vertex farthest from that axis."""
     found = []
     for k, joint in enumerate(joints):
         if joint.link not in solids:
@@ -241,7 +243,7 @@ def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tup
         at = (places - middle) @ along
         aside = np.linalg.norm(places - middle - at[:, None] * along, axis=1)
         radius = float(aside.max())
-        # Shorten the capsule so far that its round ends still contain each vertex.
+        # Shorten the capsule only as far as its round ends still contain each vertex.
         slack = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
         low, high = float((at + slack).min()), float((at - slack).max())
         if low > high:

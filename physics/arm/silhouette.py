@@ -1,4 +1,4 @@
-"""The silhouette of a solid: the pixels that it covers in a pinhole image, without occlusion by other objects."""
+"""The silhouette of a solid: all pixels that it covers in a pinhole image, without occlusion by other objects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NEAR_PLANE_M = 1e-3
 
 
 def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tuple[int, ...]) -> Array:
-    """Mask (rows, columns) of the pixels whose centre a solid covers.
+    """Return the mask (rows, columns) of the pixels whose centres a solid covers; ``shape`` is the image's size.
 
     ``vertices`` (n, 3) are in the camera's axes (x right, y down, z forward), in metres; ``matrix`` (3, 3) has pixel
     centres at halves.
@@ -30,7 +30,7 @@ def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tup
 
 
 def _is_inside(triangle: Array, x: Array, y: Array) -> Array:
-    """Whether points are inside a triangle (3, 2) of either orientation."""
+    """Return whether each point is inside a triangle (3, 2) of either orientation."""
     sides = [
         (bx - ax) * (y - ay) - (by - ay) * (x - ax)
         for (ax, ay), (bx, by) in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
@@ -39,7 +39,7 @@ def _is_inside(triangle: Array, x: Array, y: Array) -> Array:
 
 
 def _clip_behind_eye(corners: Array) -> Array:
-    """The parts of triangles (m, 3, 3) beyond the near plane, as triangles (k, 3, 3)."""
+    """Cut triangles (m, 3, 3) off at the near plane. Returns the parts beyond it as triangles (k, 3, 3)."""
     ahead = corners[..., 2] > _NEAR_PLANE_M
     kept = [corners[ahead.all(axis=1)]]
     for triangle, front in zip(

@@ -1,6 +1,6 @@
-"""Simple solids of triangles, the parts of the lander.
+"""Simple solids of triangles: the parts of the lander.
 
-Faces that meet at a sharp edge share no vertices, so that smooth shading of a tube does not round its ends.
+Faces that meet at a sharp edge share no vertices, so that smooth shading does not round the ends of a tube.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .kinematics import rigid_transform
+from .kinematics import make_rigid_transform
 
 
 @dataclass(frozen=True)
 class Solid:
-    """Vertices (n, 3) in metres, triangles (m, 3) counter-clockwise from outside, and for each triangle the name of its
-    material and whether it is shaded smooth."""
+    """A mesh: vertices (n, 3) in metres, and triangles (m, 3) counter-clockwise from outside. Each triangle has the
+    name of its material, and ``smooth`` (m,) is true where it is shaded smooth.
+    """
 
     vertices: Array
     triangles: Array
@@ -27,12 +28,12 @@ class Solid:
 
 
 def transform_solid(solid: Solid, at: Array) -> Solid:
-    """The solid after a rigid transformation (4, 4)."""
+    """Apply a rigid transformation (4, 4) to a solid."""
     return Solid(solid.vertices @ at[:3, :3].T + at[:3, 3], solid.triangles, solid.materials, solid.smooth)
 
 
 def join_solids(solids: Sequence[Solid]) -> Solid:
-    """One solid with the triangles of several solids."""
+    """Join several solids into one."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -43,9 +44,9 @@ def join_solids(solids: Sequence[Solid]) -> Solid:
 
 
 def make_lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
-    """The solid of revolution of a profile of (x, radius) about the x axis. Where it is convex, the profile goes from
-    low to high x. Each step of the profile is smooth around the axis and has sharp edges. A profile that starts and
-    ends with radius 0 gives a closed solid.
+    """Make the solid of revolution of a profile of (x, radius) about the x axis. On a convex solid, the profile goes
+    from low to high x. Each step of the profile is smooth around the axis and has sharp edges. A profile that starts
+    and ends with radius 0 gives a closed solid.
     """
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.zeros(sides), np.cos(angles), np.sin(angles)], axis=1)
@@ -65,12 +66,12 @@ def make_lathe(material: str, profile: Sequence[tuple[float, float]], sides: int
 
 
 def make_pose_toward(start: Sequence[float], end: Sequence[float]) -> Array:
-    """A pose (4, 4) at ``start`` whose x axis points to ``end``."""
+    """Make a pose (4, 4) at ``start`` whose x axis points to ``end``."""
     along = np.subtract(end, start)
     x = along / np.linalg.norm(along)
     side = np.cross([0.0, 0.0, 1.0] if abs(x[2]) < 0.95 else [0.0, 1.0, 0.0], x)
     y = side / np.linalg.norm(side)
-    return rigid_transform(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
+    return make_rigid_transform(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
 
 
 def make_rod(
@@ -82,7 +83,7 @@ def make_rod(
     bevel: float = 0.15,
     sides: int = 40,
 ) -> Solid:
-    """A round bar between two points. ``bevel`` is the share of the radius by which its ends are bevelled."""
+    """Make a round bar between two points. ``bevel`` is the share of the radius by which its ends are bevelled."""
     length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
     b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
     profile = [(0.0, 0.0), (0.0, radius - b0), (b0, radius), (length - b1, r1), (length, r1 - b1), (length, 0.0)]
@@ -90,18 +91,18 @@ def make_rod(
 
 
 def make_ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
-    """A sphere; ``sides`` is the number of its facets around."""
+    """Make a sphere; ``sides`` is its number of facets around the axis."""
     turns = np.linspace(0.0, np.pi, 13)
     profile = [
         (-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0) for k, t in enumerate(turns)
     ]
-    return transform_solid(make_lathe(material, profile, sides), rigid_transform(place=tuple(centre)))
+    return transform_solid(make_lathe(material, profile, sides), make_rigid_transform(place=tuple(centre)))
 
 
 def make_box(
     material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0), bevel_m: float = 0.004
 ) -> Solid:
-    """A box with sides of ``size``, whose edges and corners are cut off by ``bevel_m``."""
+    """Make a box with sides of ``size``, whose edges and corners are cut off by ``bevel_m``."""
     half = np.asarray(size, float) / 2
     cut = min(bevel_m, float(half.min()) * 0.9)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -120,7 +121,7 @@ def make_box(
     faces += [[(n, 0), (n, 1), (n, 2)] for n in range(8)]
     return transform_solid(
         _make_flat_faced(material, [np.array([corners[each] for each in face]) for face in faces]),
-        rigid_transform(place=tuple(centre)),
+        make_rigid_transform(place=tuple(centre)),
     )
 
 
@@ -148,9 +149,10 @@ def make_prism(
     bevel_m: float = 0.0,
     low_scale: float = 1.0,
 ) -> Solid:
-    """A convex outline of (x, y), counter-clockwise from above, from ``low`` to ``high`` z.
+    """Make a prism with a convex outline of (x, y), counter-clockwise from above, between the heights ``low`` and
+    ``high``.
 
-    Its upper edge is cut off by a bevel. The lower end is ``low_scale`` times as large, about the mean of the outline.
+    A bevel cuts off its upper edge. Its lower end is ``low_scale`` times as large, about the mean of the outline.
     """
     top = np.asarray(outline, float)
     middle = top.mean(axis=0)
@@ -163,4 +165,4 @@ def make_prism(
         for k in range(len(top)):
             n = (k + 1) % len(top)
             faces.append(np.array([one[k], one[n], other[n], other[k]]) - centre)
-    return transform_solid(_make_flat_faced(material, faces), rigid_transform(place=tuple(centre)))
+    return transform_solid(_make_flat_faced(material, faces), make_rigid_transform(place=tuple(centre)))

@@ -1,8 +1,8 @@
-"""A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, joints with limits.
+"""A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, and joints with limits.
 
-The file comes from a stranger. Document types, whose entities can grow without end, are refused before the file is
-parsed. Meshes are read only from its own package, or from a package beside it that the file names. All values are
-checked before use.
+The file comes from a stranger. A file with a document type, whose entities can grow without end, is refused before it
+is parsed. Meshes are read only from the URDF's own package, or from a package beside it that the file names. All values
+are checked before use.
 """
 
 from __future__ import annotations
@@ -43,10 +43,11 @@ _XACRO_NAMESPACE = "/wiki/xacro}"
 
 @dataclass(frozen=True)
 class Shape:
-    """A visible shape of a link: a mesh ``file`` with its ``scale`` (3,), or a solid with its ``size`` in metres.
+    """A visible shape of a link: a mesh ``file`` with its scale (3,), or a solid with its size in metres, both in
+    ``size``.
 
-    ``kind`` is mesh, box (three sides), cylinder (radius and length, about z) or sphere (radius); ``origin`` (4, 4) its
-    pose in the link's frame.
+    ``kind`` is mesh, box (three sides), cylinder (radius and length, about z) or sphere (radius). ``origin`` (4, 4) is
+    its pose in the link's frame.
     """
 
     kind: str
@@ -57,8 +58,10 @@ class Shape:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint. ``origin`` (4, 4) is the child's pose in the parent's frame at 0, ``axis`` (3,) a unit vector in the
-    child's frame, limits radians or metres. ``mimic`` is the joint that it follows, times a factor, plus an offset."""
+    """A joint. ``origin`` (4, 4) is the child's pose in the parent's frame at value 0, and ``axis`` (3,) a unit vector
+    in the child's frame. Limits are in radians or metres. ``mimic`` is the name, factor and offset of the joint that it
+    follows.
+    """
 
     name: str
     kind: str
@@ -73,7 +76,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A tree of links: ``links`` are the shapes of each link; ``joints`` are sorted so that a parent's joint comes
+    """A tree of links. ``links`` are the shapes of each link; ``joints`` are sorted so that a parent's joint comes
     before its children's.
     """
 
@@ -83,15 +86,16 @@ class Urdf:
 
     @property
     def files(self) -> list[Path]:
-        """The mesh files, each once."""
+        """The mesh files, each listed once."""
         return list(
             dict.fromkeys(shape.file for shapes in self.links.values() for shape in shapes if shape.file is not None)
         )
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot described by a file. Raises IcyMoonError, with the fault and its place, for a file
-    that cannot be used."""
+    """Read the robot that a file describes. Raises IcyMoonError, with the fault and its place, for a file that cannot
+    be used.
+    """
     return _Reader(path).read()
 
 
@@ -120,7 +124,7 @@ class _Reader:
         return Urdf(root, {name: self._read_shapes(name, item) for name, item in links.items()}, tuple(joints))
 
     def _parse(self, foreign: ForeignBytes) -> ElementTree.Element:
-        """The root element ``<robot>``; macros and other documents are refused."""
+        """Parse the root element ``<robot>``. Fails for macros of xacro and for other documents."""
         robot = parse_xml(foreign.text())
         if any(_XACRO_NAMESPACE in item.tag for item in robot.iter()):
             self.fail("has macros of xacro", "expand it first: xacro FILE > arm.urdf")
@@ -129,7 +133,7 @@ class _Reader:
         return robot
 
     def _index_by_name(self, robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
-        """The elements of a tag by their names, which must be unique."""
+        """Index the elements of a tag by their names. Fails if a name is missing or not unique."""
         found: dict[str, ElementTree.Element] = {}
         for item in robot.findall(tag):
             name = (item.get("name") or "").strip()
@@ -141,7 +145,9 @@ class _Reader:
         return found
 
     def _parse_numbers(self, text: str | None, count: int, where: str, most: float = _LARGEST_M) -> Array:
-        """``count`` numbers (count,) of at most ``most``; ``where`` names the place in errors."""
+        """Parse ``count`` numbers of at most ``most`` (absolute) to an array (count,); ``where`` names the place in
+        errors.
+        """
         words = (text or "").split()
         try:
             found = np.array([float(word) for word in words])
@@ -154,7 +160,7 @@ class _Reader:
         return found
 
     def _read_origin(self, item: ElementTree.Element, where: str) -> Array:
-        """Pose (4, 4) of an element's origin: rotations about the fixed x, y and z axes, in this order."""
+        """Read the pose (4, 4) of an element's origin: rotations about the fixed x, y and z axes, in this order."""
         pose, origin = np.eye(4), item.find("origin")
         if origin is None:
             return pose
@@ -200,7 +206,7 @@ class _Reader:
         )
 
     def _read_limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
-        """Lower and upper limit in radians or metres."""
+        """Read the lower and the upper limit in radians or metres."""
         if kind in FIXED:
             return 0.0, 0.0
         if kind == "continuous":
@@ -217,7 +223,7 @@ class _Reader:
         return low, high
 
     def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
-        """Name, factor and offset of the joint that this joint mimics; None for an independent joint."""
+        """Read the name, factor and offset of the joint that this joint mimics; None for an independent joint."""
         mimic = item.find("mimic")
         if mimic is None:
             return None
@@ -228,7 +234,7 @@ class _Reader:
         return mimic.get("joint", ""), factor, offset
 
     def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
-        """Fail for a joint that mimics a joint that itself mimics another."""
+        """Fail for a joint that mimics a joint which cannot move independently."""
         leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
         for joint in joints:
             if joint.mimic is not None and joint.mimic[0] not in leaders:
@@ -237,7 +243,7 @@ class _Reader:
                 )
 
     def _sort_tree(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
-        """The name of the root link, and the joints sorted from the root outward."""
+        """Find the name of the root link, and sort the joints from the root outward."""
         into: dict[str, UrdfJoint] = {}
         for joint in joints:
             if joint.child in into:
@@ -260,7 +266,7 @@ class _Reader:
         return roots[0], found
 
     def _read_shapes(self, name: str, item: ElementTree.Element) -> tuple[Shape, ...]:
-        """The visible shapes of a link."""
+        """Read the visible shapes of a link."""
         found = []
         for visual in item.findall("visual"):
             where = f"a visual of link {name}"
@@ -290,8 +296,8 @@ class _Reader:
         return Shape(item.tag, origin, size)
 
     def _find_mesh(self, name: str, where: str) -> Path:
-        """The file of a mesh by its name, in the folder of the URDF, in its package, or in the package beside it that
-        the name states.
+        """Find the file of a mesh by its name: in the folder of the URDF, in its package, or in the package beside it
+        that the name states.
         """
         text = unquote(name)
         if len(text) > _LONGEST_PATH:
@@ -314,7 +320,7 @@ class _Reader:
             found = next((place for place in inside if place.is_file()), None)
             is_outside = not inside or any(place.is_file() for _, place in places if place not in inside)
         except (OSError, ValueError):
-            self.fail(f"the mesh of {where} is {shorten(text)!r}, which can be no file")
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, which is not a valid file name")
         if found is None:
             looked_in = " or ".join(dict.fromkeys(str(folder) for folder, _ in places))
             self.fail(

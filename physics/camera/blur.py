@@ -1,8 +1,8 @@
 """Blur in the rendered light: depth of field, and motion of the rig during the exposure and the readout.
 
 Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
-render. A pair therefore stores the response that it was rendered for; developing it with another exposure time gives a
-warning.
+render. A pair therefore stores the response for which it was rendered, and developing it with another exposure time
+gives a warning.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..rig.focal_length import focal_px
 
-#: Relative difference of exposure or aperture from which on a warning is given.
+#: Relative difference of exposure or aperture above which a warning is given.
 _MIN_RELATIVE_CHANGE = 0.01
 #: Largest rotation in degrees during an exposure and a readout. Beyond it, ends and middle do not determine the path.
 _MAX_TURN_DEG = 90.0
@@ -54,7 +54,7 @@ class Blur:
     readout_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """The ``blur`` table of ``pair.json``: the blur of the rendered images."""
+        """Return the ``blur`` table of ``pair.json``: the blur of the rendered images."""
         found: dict[str, Any] = {"truth": self.warning}
         if self.focus_m is not None:
             found |= {"focus_distance_m": self.focus_m, "f_number": self.f_number}
@@ -70,15 +70,15 @@ class Blur:
 
     @property
     def warning(self) -> str:
-        """A sentence on the camera that the truth belongs to."""
+        """A sentence on the camera to which the truth belongs."""
         whose = "each row's" if self.readout_s else "the"
         return TRUTH_IS_SHARP.format("" if self.exposure_s is None else f" in the middle of {whose} exposure")
 
 
 def find_blur(settings: Settings) -> Blur | None:
-    """The blur that complete settings describe; None without blur. Raises IcyMoonError for a focus nearer than the
-    focal length, for motion with unknown exposure time, for a rotation of more than a quarter turn during exposure and
-    readout, and for a rolling shutter as ``check_rows_of_lens``.
+    """Find the blur that complete settings describe; None without blur. Raises IcyMoonError for a focus nearer than the
+    focal length, for motion with unknown exposure time, and for a rotation of more than a quarter turn during exposure
+    and readout. For a rolling shutter, raises as ``check_rows_of_lens`` does.
     """
     rig, sensor = settings.rig, settings.sensor
     focus, (velocity, turn) = float(rig.focus_distance_m), read_motion(rig)
@@ -118,21 +118,21 @@ def check_truth_of_rows(settings: Settings) -> None:
 
 
 def has_rolling_shutter(rig: RigSettings) -> bool:
-    """Whether the rows of a rig's images have different poses."""
+    """Return whether the rows of a rig's images have different poses."""
     return bool(rig.readout_s) and any(rig[key] for key in MOTION)
 
 
 def read_motion(rig: RigSettings) -> tuple[Array, Array]:
-    """Velocity (3,) in m/s and rotation vector (3,) in deg/s of a rig, in the left eye's axes x right, y down, z
-    forward.
+    """Read the velocity (3,) in m/s and the rotation vector (3,) in deg/s of a rig, in the left eye's axes x right, y
+    down, z forward.
     """
     right, down, roll = _read_vector(rig, _TURNS)
     return _read_vector(rig, _SPEEDS), np.array([-down, right, roll])
 
 
 def check_rows_of_lens(rig: RigSettings) -> None:
-    """Raise IcyMoonError for a rolling shutter in eyes that are calibrated or toed in, or whose lens distorts. Their
-    rows are not the rows of the parallel pair, to which the truth and the rectified images belong.
+    """Raise IcyMoonError for a rolling shutter in eyes that are calibrated or toed in, or whose lens distorts. The rows
+    of their sensors are not the rows of the parallel pair, to which the truth and the rectified images belong.
     """
     if not has_rolling_shutter(rig):
         return
@@ -146,7 +146,7 @@ def check_rows_of_lens(rig: RigSettings) -> None:
 
 
 def is_blurred(rig: RigSettings) -> bool:
-    """Whether a rig's images are blurred by depth of field or motion."""
+    """Return whether a rig's images are blurred by depth of field or motion."""
     return rig.focus_distance_m != 0 or any(rig[key] for key in MOTION)
 
 
@@ -155,7 +155,9 @@ def _read_vector(rig: RigSettings, keys: tuple[str, ...]) -> Array:
 
 
 def advise_on_blur(settings: Settings) -> list[str]:
-    """Sentences to show before a render: the truth is without blur, or the reason why the blur cannot be rendered."""
+    """List sentences to show before a render: that the truth is sharp, or the reason why the blur cannot be
+    rendered.
+    """
     try:
         blur = find_blur(settings)
     except IcyMoonError as error:
@@ -164,7 +166,9 @@ def advise_on_blur(settings: Settings) -> list[str]:
 
 
 def describe_blur_identity(settings: Settings) -> str:
-    """The camera response that the rendered light depends on, for the name of the pair; empty without blur."""
+    """Describe the camera response on which the rendered light depends, for the name of the pair; empty without
+    blur.
+    """
     blur = find_blur(settings)
     check_truth_of_rows(settings)
     if blur is None:
@@ -173,7 +177,7 @@ def describe_blur_identity(settings: Settings) -> str:
 
 
 def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: list[float]) -> list[str]:
-    """Sentences on differences between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
+    """List sentences on differences between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
     blur = find_blur(rendered)
     if blur is None:
         return []
@@ -181,22 +185,23 @@ def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: l
     f_number = float(settings.sensor.f_number)
     if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _MIN_RELATIVE_CHANGE:
         said.append(
-            f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
+            f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, but its light belongs to "
             f"f/{f_number:g}; render it again."
         )
     far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _MIN_RELATIVE_CHANGE]
     if far:
         said.append(
-            f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
-            f"{', '.join(f'{t:.4g} s' for t in far)}; set the one to the other and render it again."
+            f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, but its exposure is "
+            f"{', '.join(f'{t:.4g} s' for t in far)}; make the two times equal and render it again."
         )
     return said
 
 
 def circle_of_confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
-    """Diameter in px of the disc that images a point at a planar depth; 0 without depth of field.
+    """Compute the diameter in px of the disc that images a point at a planar depth; 0 without depth of field.
 
-    Thin lens: the width F/N of the aperture, times the difference of inverse depth from the plane in focus.
+    With a thin lens it is f (F/N) |1 / focus - 1 / depth|, where f is the focal length in px and F/N the width of the
+    aperture.
     """
     if blur.focus_m is None:
         return 0.0
@@ -205,10 +210,10 @@ def circle_of_confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> floa
 
 
 def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings, blur: Blur) -> float:
-    """Distance in px between the images of a point when the left eye's exposure begins and when it ends.
+    """Compute the distance in px between the images of a point when the left eye's exposure begins and when it ends.
 
     In the middle of the exposure the point is ``column_px`` right of and ``row_px`` below the principal point. The
-    result is infinite if the camera passes the point, and 0 without motion.
+    distance is infinite if the camera passes the point, and 0 without motion.
     """
     if blur.exposure_s is None:
         return 0.0
@@ -222,7 +227,7 @@ def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSett
 
 
 class SteadyMotion(Protocol):
-    """A motion at constant speed and turn, in the axes of the left eye at time 0."""
+    """A motion with constant velocity and rotation, in the axes of the left eye at time 0."""
 
     @property
     def velocity_m_s(self) -> Array:
@@ -234,8 +239,8 @@ class SteadyMotion(Protocol):
 
 
 def find_pose_after(motion: SteadyMotion, seconds: float) -> Array:
-    """Pose (4, 4) of the left eye ``seconds`` after the middle of the exposure, in its own axes at that middle (x
-    right, y down, z forward).
+    """Find the pose (4, 4) of the left eye ``seconds`` after the middle of the exposure, in the eye's axes at that
+    middle (x right, y down, z forward).
     """
     pose = np.eye(4)
     angle = math.radians(float(np.linalg.norm(motion.turn_deg_s))) * seconds

@@ -1,4 +1,4 @@
-"""How the lenses of CAHVOR and CAHVORE bend directions, and the inverse; ``formats.cahvor`` reads them.
+"""Bending of directions by the lenses of CAHVOR and CAHVORE, and the inverse; ``formats.cahvor`` reads these lenses.
 
 Directions are split into parts along the optical axis ``o`` (3,) and across it. ``r`` (3,) are the radial coefficients,
 ``e`` (3,) the coefficients of the entrance pupil (None for CAHVOR). ``linearity`` is 1 for perspective and 0 for
@@ -21,7 +21,7 @@ _SAME_DIRECTION = 1e-9
 
 
 def bend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
-    """Directions (..., 3) as the lens bends them."""
+    """Bend directions (..., 3) as the lens does."""
     if e is not None:
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     zeta = d @ o
@@ -38,25 +38,27 @@ def bend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Arr
 
 
 def is_seen(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
-    """Whether the lens shows directions (..., 3): those before the fold of its polynomial and not behind the lens."""
+    """Return whether the lens shows directions (..., 3): only those before the fold of its polynomial and not behind
+    the lens.
+    """
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     zeta = d @ o
     length = np.linalg.norm(d - zeta[..., None] * o, axis=-1)
     with np.errstate(all="ignore"):
         if e is None:
-            return np.asarray((zeta > 0) & (length <= _fold(r) * zeta))
+            return np.asarray((zeta > 0) & (length <= _find_fold(r) * zeta))
         theta = _pupil_angle(zeta, length, e)
-        return np.asarray((theta < _widest(linearity)) & (_chi(theta, linearity) <= _fold(r)))
+        return np.asarray((theta < _widest(linearity)) & (_chi(theta, linearity) <= _find_fold(r)))
 
 
 def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
-    """Unit directions (..., 3) that the lens bends into ``d`` (..., 3); NaN outside its field of view."""
+    """Find the unit directions (..., 3) that the lens bends into ``d`` (..., 3); NaN outside its field of view."""
     zeta = d @ o
     away: Array = d - zeta[..., None] * o
     length = np.linalg.norm(away, axis=-1)
     side = np.divide(away, length[..., None], out=np.zeros_like(away), where=length[..., None] > 0)
     with np.errstate(all="ignore"):
-        widest = _fold(r)
+        widest = _find_fold(r)
         if e is not None:
             widest = min(widest, float(_chi(np.array(min(_widest(linearity), math.pi)), linearity)))
         # The tangent of the bent direction is a polynomial of the original tangent, or of chi.
@@ -76,23 +78,23 @@ def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> A
 
 
 def _polynomial(chi: Array, r: Array) -> Array:
-    """The factor by which the radial coefficients ``r`` bend a direction at ``chi``."""
+    """Compute the bent tangent of a direction at ``chi``, a polynomial with the radial coefficients ``r``."""
     t = chi**2
     return chi * (1 + r[0] + t * (r[1] + t * r[2]))
 
 
-def _fold(r: Array) -> float:
-    """The smallest tangent (or chi) at which the polynomial stops growing; infinite if it always grows."""
+def _find_fold(r: Array) -> float:
+    """Find the smallest tangent (or chi) at which the polynomial stops growing; infinite if it always grows."""
     return math.sqrt(find_smallest_positive_root([5 * r[2], 3 * r[1], 1 + r[0]]))
 
 
 def _widest(linearity: float) -> float:
-    """The largest angle at the pupil, in rad, up to which chi grows."""
+    """Return the largest angle at the pupil, in rad, up to which chi grows."""
     return math.pi / 2 / abs(linearity) if linearity else math.inf
 
 
 def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
-    """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
+    """Find the angles, in rad off the optical axis, at which light enters the moving pupil, by Newton's method."""
     theta = np.arctan2(length, zeta)
     for _ in range(_MAX_NEWTON_STEPS if e.any() else 0):
         sine, cosine, t2 = np.sin(theta), np.cos(theta), theta**2
@@ -109,14 +111,14 @@ def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
 
 
 def _chi(theta: Array, linearity: float) -> Array:
-    """Chi, the generalised tangent of an angle ``theta`` in rad."""
+    """Compute chi, the generalised tangent of an angle ``theta`` in rad."""
     if linearity < 0:
         return np.asarray(np.sin(linearity * theta) / linearity)
     return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
 
 
 def _from_chi(chi: Array, linearity: float) -> Array:
-    """The angle in rad that has this chi."""
+    """Compute the angle in rad that has this chi."""
     if linearity < 0:
         return np.asarray(np.arcsin(linearity * chi) / linearity)
     return np.asarray(np.arctan(linearity * chi) / linearity) if linearity > 0 else chi

@@ -1,8 +1,8 @@
 """Calibrated cameras as other programs state them: any focal lengths, skew, principal point, lens and pose.
 
-Pixels are counted from the centre of the first pixel, (0, 0), as in OpenCV, ROS, Kalibr and mrcal: coordinates are half
-a pixel less than in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X +
-t, from reference axes to the camera's: x right, y down, z forward.
+As in OpenCV, ROS, Kalibr and mrcal, the centre of the first pixel is (0, 0), so coordinates are half a pixel less than
+in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X + t, from reference
+axes to the camera's: x right, y down, z forward.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from ...support.file_schemas import PIXELS
 from .lens_models import Brown, LensModel
 from .rotations import from_vector, nearest_rotation, rotation_error, to_vector
 
-#: Largest deviation of a matrix times its transpose from 1. Matrices within it are taken for rounded rotations.
+#: Largest deviation from 1 of a matrix times its transpose. A matrix within it counts as a rounded rotation.
 ROTATION_TOLERANCE = 1e-6
 #: Largest focal length, skew and principal point, px.
 _LARGEST_PX = 1e8
 #: Largest distance, m.
 _LARGEST_M = 1e9
-#: From K with pixels counted from the centre of the first pixel to K with pixels counted from its corner.
+#: Difference between K with pixels counted from the corner of the first pixel, and K with pixels counted from its
+#: centre.
 CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 
@@ -75,7 +76,7 @@ class CalibratedCamera:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Numbers of columns and rows."""
         return self.width_px, self.height_px
 
     @property
@@ -89,29 +90,36 @@ class CalibratedCamera:
         return -self.rotation.T @ self.translation_m
 
     def project(self, points_m: Array) -> Array:
-        """Columns and rows (..., 2) of points (..., 3) in reference axes; NaN where the lens does not show them."""
+        """Project points (..., 3) in reference axes to columns and rows (..., 2); NaN where the lens does not show
+        them.
+        """
         return self.show(np.asarray(points_m, np.float64) @ self.rotation.T + self.translation_m)
 
     def show(self, directions: Array) -> Array:
-        """Columns and rows (..., 2) of directions (..., 3), of any length, in the camera's own axes; NaN where the lens
-        does not show them."""
+        """Project directions (..., 3), of any length, in the camera's axes to columns and rows (..., 2); NaN where the
+        lens does not show them.
+        """
         bent = self.lens.bend(directions)
         x, y = bent[..., 0], bent[..., 1]
         return np.stack([self.fx_px * x + self.skew_px * y + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
 
     def unproject(self, pixels: Array) -> Array:
-        """Unit directions (..., 3) in the camera's own axes from pixels (..., 2); NaN outside the field of view."""
+        """Find the unit directions (..., 3), in the camera's axes, of pixels (..., 2); NaN outside the field of
+        view.
+        """
         pixels = np.asarray(pixels, np.float64)
         y = (pixels[..., 1] - self.cy_px) / self.fy_px
         x = (pixels[..., 0] - self.cx_px - self.skew_px * y) / self.fx_px
         return self.lens.unbend(np.stack([x, y], axis=-1))
 
     def placed(self, rotation: Array, translation_m: Array) -> CalibratedCamera:
-        """The same camera in another pose."""
+        """Return the same camera in another pose."""
         return replace(self, rotation=rotation, translation_m=translation_m)
 
     def dark_share(self) -> float:
-        """Share of the pixels outside the lens's field of view, sampled on a grid of 65 x 49 over the image."""
+        """Estimate the share of the pixels outside the lens's field of view, on a grid of 65 x 49 points over the
+        image.
+        """
         grid = np.meshgrid(np.linspace(0, self.width_px - 1, 65), np.linspace(0, self.height_px - 1, 49))
         return float(np.isnan(self.unproject(np.stack(grid, axis=-1))[..., 0]).mean())
 
@@ -129,8 +137,8 @@ class CalibratedRig:
             raise ValueError("a rig has at least one camera")
 
     def relative_pose(self, camera: int = 1) -> tuple[Array, Array]:
-        """R (3, 3) and t (3,) of x = R X + t from the axes of the first camera to the axes of another camera, in
-        metres.
+        """Compute R (3, 3) and t (3,), in metres, of x = R X + t from the axes of the first camera to the axes of
+        another camera.
 
         OpenCV's stereoCalibrate calls them R and T.
         """
@@ -139,22 +147,22 @@ class CalibratedRig:
         return rotation, second.translation_m - rotation @ first.translation_m
 
     def from_first(self) -> CalibratedRig:
-        """The same rig in the axes of its first camera."""
+        """Return the same rig in the axes of its first camera."""
         poses = [(np.eye(3), np.zeros(3)), *(self.relative_pose(k) for k in range(1, len(self.cameras)))]
         return CalibratedRig(tuple(camera.placed(*pose) for camera, pose in zip(self.cameras, poses, strict=True)))
 
 
 def rectifying_rotations(rig: CalibratedRig) -> tuple[Array, Array]:
-    """Rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair.
+    """Compute the rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair.
 
-    As in Bouguet's method and OpenCV's stereoRectify, each eye turns by half of the rotation between them, and then
-    until x is along the baseline. Raises ValueError for eyes at one position, or one above the other.
+    As in Bouguet's method and OpenCV's stereoRectify, each eye turns by half of the rotation between them. Both then
+    turn until x is along the baseline. Raises ValueError for eyes at one position, or one above the other.
     """
     rotation, translation = rig.relative_pose()
     half = from_vector(-to_vector(rotation) / 2)
     along = half @ translation
     length = float(np.linalg.norm(along))
-    if not length > 1e-12:  # which rounding leaves
+    if not length > 1e-12:  # rounding can leave as much
         raise ValueError("both eyes have the same position")
     if abs(along[0]) < abs(along[1]):
         raise ValueError("one eye is above the other")

@@ -21,12 +21,12 @@ from .stereo_camera import StereoCamera
 
 
 def list_stated_errors(errors: CalibrationErrorSettings) -> dict[str, float]:
-    """The errors that are not 0, by the keys of the settings."""
+    """List the errors that are not 0, by the keys of the settings."""
     return {key: float(value) for key, value in errors.items() if value != 0}
 
 
 def make_assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) -> StereoCamera:
-    """The assumed rectified rig, which converts disparity to depth. Without errors it is ``camera``."""
+    """Make the assumed rectified rig, which converts disparity to depth. Without errors it equals ``camera``."""
     return replace(
         camera,
         focal_px=camera.focal_px * _factor(errors.focal_percent),
@@ -69,7 +69,7 @@ def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> Calibrat
 
 
 def _add_radial_error(lens: LensModel, error: float) -> LensModel:
-    """The lens with its coefficient of r² (k1, or R1 of CAHVORE) increased by ``error``."""
+    """Add ``error`` to a lens's coefficient of r² (k1, or R1 of CAHVORE)."""
     if isinstance(lens, Cahvore):
         r0, r1, r2 = lens.radial
         return replace(lens, radial=(r0, r1 + error, r2))
@@ -89,9 +89,9 @@ def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErro
 
 
 def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> Array:
-    """Position of each pixel of the rectified image of an eye in the image of its sensor, by the assumed calibration:
-    columns and rows (H, W, 2), counted from the centre of the first pixel; NaN outside the sensor's field. Raises
-    IcyMoonError if no pixel is inside.
+    """Make the map from the rectified image of an eye to the image of its sensor, by the assumed calibration: columns
+    and rows (H, W, 2), counted from the centre of the first pixel, at each rectified pixel. Positions outside the
+    sensor are kept; pixels outside the lens's field are NaN. Raises IcyMoonError if no pixel is inside the sensor.
     """
     assumed, seen_by = make_assumed_camera(camera, errors), make_assumed_eye(camera, rig, errors, eye)
     columns, rows = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
@@ -106,7 +106,9 @@ def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: Calibrat
 
 
 def refuse_calibration_errors(errors: CalibrationErrorSettings, where: object) -> None:
-    """Raise IcyMoonError if there is an error, because true disparities do not fit images rectified with it."""
+    """Raise IcyMoonError if there is an error, because true disparities do not fit images that are rectified with
+    it.
+    """
     for key, value in list_stated_errors(errors).items():
         raise IcyMoonError(
             f"{where}: calibration_error.{key} is {value:g}, and images rectified by it do not fit the true "
@@ -115,11 +117,11 @@ def refuse_calibration_errors(errors: CalibrationErrorSettings, where: object) -
 
 
 def _factor(percent: float) -> float:
-    """The factor 1 + percent / 100."""
+    """Return the factor 1 + percent / 100."""
     return 1.0 + float(percent) / 100.0
 
 
 def describe_errors(errors: CalibrationErrorSettings) -> list[str]:
-    """A sentence on the errors in force; an empty list without errors."""
+    """Describe the errors in force by a sentence in a list; an empty list without errors."""
     stated = ", ".join(f"calibration_error.{key} {value:+g}" for key, value in list_stated_errors(errors).items())
     return [f"An error of the calibration is in force: {stated}."] if stated else []

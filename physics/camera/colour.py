@@ -20,8 +20,8 @@ from ..light.sunlight import sun_colour
 GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
 #: Least signal of white ground in a channel, relative to the strongest channel, for a white balance.
 _MIN_RELATIVE_SIGNAL = 1e-6
-#: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
-#: four sides, on its left and right, above and below, or on its diagonals.
+#: Weights (5, 5) around a pixel that interpolate a missing colour. The key is where the samples of this colour lie: on
+#: all four sides of the pixel, on its left and right, above and below, or on its diagonals.
 _Kernels = dict[str, Array]
 
 
@@ -29,8 +29,8 @@ def _make_kernels(cross: list[list[float]], row: list[list[float]], diagonal: li
     return {"cross": np.array(cross), "row": np.array(row), "column": np.array(row).T, "diagonal": np.array(diagonal)}
 
 
-#: BILINEAR: the mean of the nearest samples. MALVAR: with the Laplacian of the pixel's own colour (Malvar, He and
-#: Cutler 2004, ICASSP, III-485). Both find colours that change linearly exactly.
+#: BILINEAR takes the mean of the nearest samples; MALVAR adds the Laplacian of the pixel's own colour (Malvar, He and
+#: Cutler 2004, ICASSP, III-485). Both are exact for colours that change linearly.
 LINEAR = {
     "BILINEAR": _make_kernels(
         [[0, 0, 0, 0, 0], [0, 0, 0.25, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0.25, 0, 0], [0, 0, 0, 0, 0]],
@@ -64,7 +64,9 @@ LINEAR = {
 
 
 def filter_efficiency(sensor: SensorSettings, wavelength_m: Array) -> Array:
-    """Electrons per photon (channels, n) at wavelengths (n,) within the camera's band: one channel, or R, G, B."""
+    """Compute the electrons per photon (channels, n) at wavelengths (n,) in metres, within the camera's band. Channels
+    are one grey channel, or R, G, B.
+    """
     if sensor.colour == "MONO":
         return np.full((1, len(wavelength_m)), float(sensor.quantum_efficiency))
     nm = np.asarray(wavelength_m) * 1e9
@@ -82,7 +84,8 @@ def filter_efficiency(sensor: SensorSettings, wavelength_m: Array) -> Array:
 
 
 def compute_channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> Array:
-    """Photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R, G, B.
+    """Compute the photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R,
+    G, B.
 
     White ground in sunlight has the bands ``sun_colour`` for any temperature of the Sun. On it, each channel receives
     exactly the black-body light of the Sun through its filter.
@@ -94,21 +97,22 @@ def compute_channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m:
 
 
 def compute_white_rates(light: LightSettings, rates: Array) -> Array:
-    """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, from ``rates`` (channels, 3) of the
-    bands."""
+    """Compute the electrons per second (channels,) per W/(m² sr) of white ground in sunlight, from ``rates`` (channels,
+    3) of the bands.
+    """
     return np.asarray(rates @ sun_colour(light.sun_temperature_k))
 
 
 def can_balance(white: Array) -> bool:
-    """Whether each channel receives enough light for a white balance; ``white`` (channels,) are their signals of white
-    ground.
+    """Return whether each channel receives enough light for a white balance. ``white`` (channels,) are the channels'
+    signals of white ground.
     """
     return bool(white.min() > _MIN_RELATIVE_SIGNAL * white.max())
 
 
 def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
-    """Factors (3,) on R, G, B after demosaicing. With SUN they make white ground grey, and each is at least 1. All are
-    1 if a channel receives less than a millionth of the light of another.
+    """Compute the factors (3,) on R, G, B after demosaicing. With SUN they make white ground grey, and each is at least
+    1. All are 1 if a channel receives less than a millionth of the light of another.
     """
     if sensor.white_balance == "NONE" or not can_balance(white):
         return np.ones(3)
@@ -116,12 +120,12 @@ def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
 
 
 def find_channel(pattern: str, row: int, column: int) -> int:
-    """The channel (0, 1, 2 for R, G, B) of the pixel at ``row`` and ``column`` of the mosaic."""
+    """Find the channel (0, 1, 2 for R, G, B) of the pixel at ``row`` and ``column`` of the mosaic."""
     return "RGB".index(pattern[2 * (row % 2) + column % 2])
 
 
 def apply_mosaic(planes: Array, pattern: str) -> Array:
-    """The values (H, W) that pixels receive through their filters, from planes (3, H, W) of R, G, B."""
+    """Select the values (H, W) that pixels receive through their filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
         result[row::2, column::2] = planes[find_channel(pattern, row, column), row::2, column::2]
@@ -129,7 +133,8 @@ def apply_mosaic(planes: Array, pattern: str) -> Array:
 
 
 def demosaic(numbers: Array, pattern: str, method: str) -> Array:
-    """R, G and B, float64 (H, W, 3), of a mosaic (H, W) of at least 3 x 3 pixels; ``method`` is a key of LINEAR.
+    """Demosaic an image (H, W) of at least 3 x 3 pixels to R, G and B, float64 (H, W, 3); ``method`` is a key of
+    LINEAR.
 
     The image is mirrored at the outermost pixels, which keeps the pattern. Beside an edge, results may lie outside the
     range of the mosaic.
@@ -155,12 +160,12 @@ def demosaic(numbers: Array, pattern: str, method: str) -> Array:
 
 
 def _find_sample_pattern(pattern: str, row: int, column: int, channel: int) -> str:
-    """Where the samples of another channel are, about a pixel: a key of the kernels."""
+    """Find where the samples of another channel lie around a pixel: a key of the kernels."""
     beside = find_channel(pattern, row, column + 1) == channel
     above = find_channel(pattern, row + 1, column) == channel
     return "cross" if beside and above else "row" if beside else "column" if above else "diagonal"
 
 
 def mix_to_grey(colours: Array, sensor: SensorSettings) -> Array:
-    """The grey image (H, W) of colours (H, W, 3) that matchers get."""
+    """Mix colours (H, W, 3) to the grey image (H, W) that matchers get."""
     return np.asarray(colours @ np.array(GREY_WEIGHTS[sensor.grey]))

@@ -21,9 +21,9 @@ from ..random_numbers.seeds import make_generator
 from ..rig.focal_length import focal_px
 from .sensor import find_stream
 
-#: Maximum number of grains that are drawn: some seconds.
+#: Maximum number of grains; drawing them takes some seconds.
 MAX_GRAINS = 50_000
-#: Maximum number of pixels of the window that the beams cross: 2 GB.
+#: Maximum number of pixels of the window that the beams cross; they take 2 GB.
 MAX_WINDOW_PIXELS = 32_000_000
 #: Number of pixels of grains that are drawn together, to bound memory.
 _PIXELS_AT_ONCE = 2_000_000
@@ -34,8 +34,9 @@ _DEPOSIT_STREAM = 2
 def compute_blocked_share(
     sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int, eye: str
 ) -> Array | None:
-    """Share (H, W), 0 to 1, of each pixel's light on the sensor that deposits block; None without deposits. ``seed`` is
-    the data set's, so that all images of an eye have the same deposits. Raises IcyMoonError for too many grains.
+    """Compute the share (H, W), 0 to 1, of each pixel's light that deposits block; None without deposits. ``seed``
+    belongs to the data set, so that all images of an eye have the same deposits. Raises IcyMoonError if the beams cross
+    too many pixels of the window, or for too many grains.
     """
     share = float(sensor.deposit_share)
     if share <= 0.0:
@@ -69,7 +70,7 @@ def compute_blocked_share(
 
 
 def apply_deposits(light: Array, blocked: Array | None, sensor: SensorSettings) -> Array:
-    """Light (H, W) behind the window: the transmitted light, and a veil of scattered light. The share
+    """Return the light (H, W) behind the window: the transmitted light, and a veil of scattered light. The share
     ``sensor.deposit_scatter`` of the blocked light is spread evenly over the whole image.
     """
     if blocked is None:
@@ -79,8 +80,8 @@ def apply_deposits(light: Array, blocked: Array | None, sensor: SensorSettings) 
 
 
 def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array:
-    """Optical depth (H, W) of the discs: its negative exponential is the share of a pixel that no disc covers.
-    ``places`` (n, 2) and ``radius`` (n,) are in pixels.
+    """Sum the optical depth (H, W) of the discs: its negative exponential is the share of a pixel that no disc covers.
+    ``places`` (n, 2) and ``radius`` are in pixels.
     """
     total = np.zeros(shape[0] * shape[1])
     reach = math.ceil(radius + 0.5)
@@ -89,7 +90,7 @@ def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array
         row, column = np.floor(part).astype(int).T[..., None] + around  # (grains, across) each
         down, right = row + 0.5 - part[:, :1], column + 0.5 - part[:, 1:]
         stamp = np.clip(radius + 0.5 - np.hypot(down[:, :, None], right[:, None, :]), 0.0, min(1.0, 2 * radius))
-        stamp *= math.pi * radius**2 / stamp.sum(axis=(1, 2), keepdims=True)  # of its area, however small
+        stamp *= math.pi * radius**2 / stamp.sum(axis=(1, 2), keepdims=True)  # keeps the area of the smallest disc
         inside = ((row >= 0) & (row < shape[0]))[:, :, None] & ((column >= 0) & (column < shape[1]))[:, None, :]
         # An opaque pixel has no finite logarithm, so it passes a little light, less than a converter's step.
         left = -np.log1p(-np.minimum(stamp[inside], 1.0 - 1e-9))
@@ -99,7 +100,7 @@ def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array
 
 
 def _mean_in_discs(image: Array, radius: float) -> Array:
-    """Mean of ``image`` in a disc around each pixel, in pixels; only correct at least one radius from the border."""
+    """Average ``image`` in a disc around each pixel; only correct at least one radius, in pixels, from the border."""
     rows, columns = image.shape
     y, x = np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :]
     disc = np.clip(radius + 0.5 - np.hypot(y, x), 0.0, 1.0)

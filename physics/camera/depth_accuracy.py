@@ -14,12 +14,12 @@ from ...settings.topics.camera import RigSettings
 from ...support.number_text import show_rounded
 from ..rig.focal_length import focal_px
 
-#: Widest triangle, in heights of the camera, on which the depth of a plane is right to 1e-4.
+#: Width of the widest triangle, in heights of the camera, on which the depth of a plane is right to 1e-4.
 _WIDEST_EXACT_TRIANGLE = 1000.0
 #: Relative error of depth over the width of a triangle in heights of the camera. Measured on widths of 0.1 to 5e5
 #: heights it is at most 0.9e-7, a rounding of single precision.
 _DEPTH_ERROR_PER_WIDTH = 0.9e-7
-#: Rounding of coordinates in pixels from which on it is reported: a tenth of the accuracy of stereo matchers.
+#: Rounding of coordinates, in pixels, above which it is reported: a tenth of the accuracy of stereo matchers.
 _REPORTED_ROUNDING_PX = 0.05
 #: Largest plausible offset of a principal point from the middle, as a share of the image's size; real cameras have up
 #: to 0.05.
@@ -27,13 +27,17 @@ _MAX_OFFSET_SHARE = 0.25
 
 
 def coordinate_rounding_m(*coordinates_m: float) -> float:
-    """Step in metres between neighbouring coordinates in the renderer's single precision at these coordinates."""
+    """Return the step in metres between neighbouring numbers of the renderer's single precision at these
+    coordinates.
+    """
     return float(np.spacing(np.float32(max(abs(c) for c in coordinates_m))))
 
 
 def ground_rounding_px(rig: RigSettings, ground_m: float) -> float:
-    """Return the largest shift, px, by rounded coordinates, of the ground under the camera or of one eye to the other:
-    it is half a step of the largest coordinate of the left camera, seen from the camera's height; ``ground_m`` is the
+    """Return the largest shift, px, that rounded coordinates give the ground under the camera, or one eye relative to
+    the other.
+
+    It is half a step of the largest coordinate of the left camera, seen from the camera's height; ``ground_m`` is the
     height of the ground.
     """
     height = float(rig.height_m)
@@ -41,7 +45,9 @@ def ground_rounding_px(rig: RigSettings, ground_m: float) -> float:
 
 
 def advise_on_rounding(rig: RigSettings, ground_m: float) -> list[str]:
-    """Sentences about a camera so far from the origin that single precision is visible; else an empty list."""
+    """Return a sentence, in a list, about a camera so far from the origin that single precision is visible; else an
+    empty list.
+    """
     pixels = ground_rounding_px(rig, ground_m)
     if pixels <= _REPORTED_ROUNDING_PX:
         return []
@@ -54,7 +60,7 @@ def advise_on_rounding(rig: RigSettings, ground_m: float) -> list[str]:
 
 
 def advise_on_principal_point(rig: RigSettings) -> list[str]:
-    """Sentences that warn of a principal point far from the middle of the image; otherwise an empty list.
+    """List sentences that warn of a principal point far from the middle of the image.
 
     The principal point is stated in pixels, so a change of the image size does not move it.
     """
@@ -75,7 +81,9 @@ def advise_on_principal_point(rig: RigSettings) -> list[str]:
 
 
 def advise_on_coarse_triangles(rig: RigSettings, edge_m: float) -> list[str]:
-    """Sentences about ground whose triangles of width ``edge_m`` are too wide for exact depth; else an empty list."""
+    """Return a sentence, in a list, about ground whose triangles of width ``edge_m`` are too wide for exact depth; else
+    an empty list.
+    """
     height = float(rig.height_m)
     if edge_m <= _WIDEST_EXACT_TRIANGLE * height:
         return []
@@ -88,13 +96,15 @@ def advise_on_coarse_triangles(rig: RigSettings, edge_m: float) -> list[str]:
 
 
 def depth_error_m(depth_m: float, rig: RigSettings, disparity_error_px: float) -> float:
-    """Standard deviation of depth, Z² σ / (f B), for a standard deviation σ of disparity in pixels."""
+    """Compute the standard deviation of depth in metres, Z² σ / (f B), for a standard deviation σ of disparity in
+    pixels.
+    """
     return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig.baseline_m))
 
 
 @dataclass(frozen=True)
 class GroundRow:
-    """A row of the image on level ground; lengths in metres, infinite where the row looks above the horizon."""
+    """Level ground in a row of the image; lengths in metres, infinite where the row looks above the horizon."""
 
     depth_m: float  # planar, along the optical axis
     distance_m: float  # on the ground, from below the camera
@@ -104,7 +114,7 @@ class GroundRow:
 
 
 def measure_ground_row(rig: RigSettings, row: float) -> GroundRow:
-    """The level ground that an image row shows; ``row`` is in pixel-corner coordinates, 0 at the top."""
+    """Measure the level ground that an image row shows; ``row`` is in pixel-corner coordinates, 0 at the top."""
     focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
     v = (row - int(rig.height_px) / 2 - float(rig.principal_y_px)) / focal
     fall = math.sin(pitch) + v * math.cos(pitch)  # descent of a ray in metres per metre of planar depth
@@ -112,7 +122,7 @@ def measure_ground_row(rig: RigSettings, row: float) -> GroundRow:
         return GroundRow(*[math.inf] * 5)
     depth = height / fall
     across = depth / focal
-    # Distance is (cos p - v sin p) Z with Z = h / (sin p + v cos p); its derivative by v is -h / fall².
+    # Distance is (cos p - v sin p) Z with Z = h / (sin p + v cos p); its derivative with respect to v is -h / fall².
     return GroundRow(
         depth,
         depth * (math.cos(pitch) - v * math.sin(pitch)),
@@ -123,12 +133,12 @@ def measure_ground_row(rig: RigSettings, row: float) -> GroundRow:
 
 
 def shared_width_px(rig: RigSettings, depth_m: float) -> float:
-    """Columns of the rectified left image that both eyes see at a depth, in the row of the optical axis."""
+    """Count the columns of the rectified left image that both eyes see at a depth, in the row of the optical axis."""
     focal, width, turn = focal_px(rig), int(rig.width_px), math.radians(float(rig.toe_in_deg))
     centre, disparity = width / 2 + float(rig.principal_x_px), focal * float(rig.baseline_m) / depth_m
 
     def column(edge: float, angle: float) -> float:
-        """Column of the rectified image at an edge of the image of an eye that is turned by an angle."""
+        """Find the column of the rectified image at an edge of the image of an eye that is turned by an angle."""
         seen = math.atan((edge - centre) / focal) + angle
         return centre + focal * math.tan(seen) if abs(seen) < math.pi / 2 else math.copysign(math.inf, seen)
 

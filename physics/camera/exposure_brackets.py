@@ -16,17 +16,19 @@ MERGED_BITS = 16
 
 
 def list_exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
-    """Exposure times in seconds, longest first, ``bracket_stops`` apart; their geometric mean is ``seconds``."""
+    """List the exposure times in seconds, longest first, ``bracket_stops`` apart; their geometric mean is
+    ``seconds``.
+    """
     count = int(sensor.brackets)
     return [seconds * 2.0 ** (float(sensor.bracket_stops) * ((count - 1) / 2 - k)) for k in range(count)]
 
 
 def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: SensorSettings) -> Array:
-    """Electrons per second (H, W) from the digital numbers of several exposures, longest first.
+    """Merge the digital numbers of several exposures, longest first, into electrons per second (H, W).
 
     The result is the mean of each exposure's electrons per second, weighted by the inverse variance of its shot noise,
-    read noise and converter step. A pixel of an exposure that may be full is left out, except in the shortest exposure.
-    A pixel may be full if it is nearer to full than half a number plus five standard deviations of the read noise.
+    read noise and converter step. A pixel that may be full is left out of an exposure, unless it is the shortest one. A
+    pixel may be full if it is nearer to full than half a number plus five standard deviations of the read noise.
     """
     gain = gain_dn_per_e(sensor)
     steady = float(sensor.read_noise_e) ** 2 + 1 / (12 * gain**2)
@@ -46,14 +48,14 @@ def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: 
 
 
 def find_full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
-    """Electrons per second at full scale of the merged image of both eyes: a little above the 99.9 % quantile of the
-    left image, and at most the rate that saturates the shortest exposure.
+    """Find the electrons per second at full scale of the merged image of both eyes: a little above the 99.9 % quantile
+    of the left image, and at most the rate that saturates the shortest exposure.
     """
     full = capacity_e(sensor) / shortest_s
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
 
 
 def quantise_merged(rate: Array, full: float) -> Array:
-    """Merged electrons per second as linear uint16, ``full`` at the top."""
+    """Convert merged electrons per second to linear uint16, so that ``full`` becomes the largest number."""
     top = 2**MERGED_BITS - 1
     return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

@@ -1,6 +1,6 @@
 """The calibrated eyes of a rig, each with its own images, lens and direction, from ``left_eye`` and ``right_eye``.
 
-The table ``rig`` describes the parallel pair to which truth and rectified images belong. The eyes stand at the two
+The table ``rig`` describes the parallel pair, to which truth and rectified images belong. The eyes stand at the two
 centres of that pair. As in calibrations, the centre of the first pixel is (0, 0).
 """
 
@@ -43,10 +43,10 @@ _KEYS_OF_LENS = {
 }
 #: The topics of the eyes, left first.
 EYE_TOPICS = ("left_eye", "right_eye")
-#: Largest overscan up to which the eyes' images are taken from a pinhole's image, which then has nine times the pixels
-#: of the rectified images.
+#: Largest overscan up to which the eyes' images are taken from a pinhole's image. This image then has nine times the
+#: pixels of the rectified images.
 MAX_OVERSCAN = 1.0
-#: Grid of pixels, columns and rows, from which shares of an image are found.
+#: Columns and rows of the grid of pixels from which shares of an image are found.
 _GRID_PX = 65, 49
 
 
@@ -56,7 +56,9 @@ def is_calibrated(rig: RigSettings) -> bool:
 
 
 def make_camera_with_eyes(settings: Settings) -> StereoCamera:
-    """The rig, with calibrated eyes if the settings have them. Raises ValueError for impossible lens parameters."""
+    """Make the rig, with calibrated eyes if the settings have them. Raises ValueError for impossible lens
+    parameters.
+    """
     return add_calibrated_eyes(StereoCamera.from_settings(settings.rig), settings)
 
 
@@ -68,7 +70,9 @@ def add_calibrated_eyes(camera: StereoCamera, settings: Settings) -> StereoCamer
 
 
 def find_light_px(settings: Settings) -> tuple[int, int]:
-    """Columns and rows of the rendered light of a rig; of the parallel rig if the calibrated eyes are invalid."""
+    """Return the columns and rows of the rendered light of a rig; of the parallel rig if the calibrated eyes are
+    invalid.
+    """
     try:
         return make_camera_with_eyes(settings).light_px
     except ValueError:
@@ -76,8 +80,8 @@ def find_light_px(settings: Settings) -> tuple[int, int]:
 
 
 def make_calibrated_eyes(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
-    """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two equal
-    eyes. Raises ValueError for impossible lens parameters.
+    """Make the calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two
+    equal eyes. Raises ValueError for impossible lens parameters.
     """
     if not is_calibrated(settings.rig):
         return None
@@ -86,7 +90,7 @@ def make_calibrated_eyes(settings: Settings) -> tuple[CalibratedCamera, Calibrat
 
 
 def _make_eye_key(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[float, ...], str, tuple[float, ...]]:
-    """The hashable arguments of ``_make_eye``: sizes, rotation vector in degrees, lens and coefficients."""
+    """Make the hashable arguments of ``_make_eye``: sizes, rotation vector in degrees, lens and coefficients."""
     return (
         tuple(eye[key] for key in _PINHOLE_KEYS),
         tuple(float(eye[key]) for key in _TURN_KEYS),
@@ -95,11 +99,11 @@ def _make_eye_key(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[floa
     )
 
 
-@lru_cache(maxsize=16)  # the same object for the same numbers, by which maps of images are kept
+@lru_cache(maxsize=16)
 def _make_eye(
     sizes: tuple[int | float, ...], turn_deg: tuple[float, ...], lens: str, numbers: tuple[float, ...]
 ) -> CalibratedCamera:
-    """The eye with these values; equal values give the same object, by which rectifying maps are cached."""
+    """Make the eye with these values. Equal values give the same object, by which rectifying maps are cached."""
     width, height, fx, fy, cx, cy, skew = sizes
     rotation = from_vector(np.radians(turn_deg))
     return CalibratedCamera(
@@ -109,7 +113,7 @@ def _make_eye(
 
 @lru_cache(maxsize=16)
 def _move_aside(eye: CalibratedCamera, baseline_m: float) -> CalibratedCamera:
-    """The eye shifted by the baseline to the right, in the parallel rig's axes."""
+    """Move an eye by the baseline to the right, in the parallel rig's axes."""
     return eye.placed(eye.rotation, -baseline_m * eye.rotation[:, 0])
 
 
@@ -149,8 +153,11 @@ def make_eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, An
 
 
 def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
-    """The table ``eyes`` of ``pair.json``: K, and R and t of x = R X + t from the left eye's rectified axes, in metres.
-    Equal eyes have the distortion of the rig. Calibrated eyes have their size, their lens and how they were rendered.
+    """Make the table ``eyes`` of ``pair.json``: K, and R and t of x = R X + t from the left eye's rectified axes, in
+    metres.
+
+    Equal eyes have the distortion of the rig. Calibrated eyes have their size, their lens and the way of rendering
+    them.
     """
     found = camera.eyes_json()
     if camera.eyes is None:
@@ -174,8 +181,9 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
 
 
 def find_rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
-    """Unit directions (..., 3) of the pixels (..., 2) of an eye, in the axes of the parallel rig; NaN outside its field
-    of view."""
+    """Find the unit directions (..., 3) of the pixels (..., 2) of an eye, in the axes of the parallel rig; NaN outside
+    its field of view.
+    """
     return np.asarray(eye.unproject(pixels) @ eye.rotation)
 
 
@@ -184,7 +192,7 @@ _MIN_AHEAD = 1e-3
 
 
 def _grid_pixels(eye: CalibratedCamera) -> Array:
-    """Pixels (49, 65, 2) spread over the whole image of an eye, borders included."""
+    """Make a grid of pixels (49, 65, 2) spread over the whole image of an eye, borders included."""
     grid = np.meshgrid(
         *(np.linspace(0.0, size - 1.0, count) for size, count in zip(eye.size_px, _GRID_PX, strict=True))
     )
@@ -192,7 +200,7 @@ def _grid_pixels(eye: CalibratedCamera) -> Array:
 
 
 def measure_dark_shares(camera: StereoCamera) -> tuple[float, float]:
-    """The share of the pixels of each calibrated eye outside the images of the light, sampled on a grid."""
+    """Estimate the share of the pixels of each calibrated eye that lie outside the images of the light, on a grid."""
     left, right = (_dark_share(eye, camera) for eye in camera.eyes or ())
     return left, right
 
@@ -204,8 +212,8 @@ def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
 
 
 def project_to_light(rays: Array, camera: StereoCamera) -> Array:
-    """Columns and rows (..., 2) of rays (..., 3) of any length in the images of the light, counted from the centre of
-    the first pixel; NaN for rays outside the images.
+    """Project rays (..., 3) of any length to columns and rows (..., 2) of the images of the light, counted from the
+    centre of the first pixel. NaN for rays that no such image can show.
     """
     if camera.panorama is not None:
         return camera.panorama.show(rays)
@@ -229,7 +237,7 @@ def _find_panorama(camera: StereoCamera) -> Panorama | None:
 
 
 def _px_per_rad(eye: CalibratedCamera) -> float:
-    """Pixels per radian of an eye: on its axis, or the median over its image, whichever is larger."""
+    """Return the pixels per radian of an eye: on its axis, or the median over its image, whichever is larger."""
     pixels = _grid_pixels(eye)
     beside = np.stack([pixels + np.array(step) / 2 for step in ((-1, 0), (1, 0), (0, -1), (0, 1))])
     rays = eye.unproject(beside)
@@ -241,7 +249,7 @@ def _px_per_rad(eye: CalibratedCamera) -> float:
 
 
 def _find_widest_rad(eye: CalibratedCamera) -> float:
-    """The largest angle off the axis of the rig at which an eye sees something."""
+    """Find the largest angle in rad, off the axis of the rig, at which an eye sees something."""
     rays = find_rays_in_rig(eye, _grid_pixels(eye))
     angles = np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])
     if isinstance(eye.lens, Fisheye) and np.isnan(angles).any():  # the circle that it shows is between grid points
@@ -253,8 +261,9 @@ def _find_widest_rad(eye: CalibratedCamera) -> float:
 
 
 def find_overscan_of_eyes(camera: StereoCamera) -> float:
-    """The least ``rig.overscan`` with which the rendered images cover the field of view of the calibrated eyes;
-    infinite if no pinhole covers it."""
+    """Find the least ``rig.overscan`` with which the rendered images cover the field of view of the calibrated eyes;
+    infinite if no pinhole covers it.
+    """
     plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])  # a pinhole without overscan
     needed = 0.0
     for eye in camera.eyes or ():
@@ -269,7 +278,7 @@ def find_overscan_of_eyes(camera: StereoCamera) -> float:
 
 
 def find_calibrated_reasons(settings: Settings) -> Iterator[tuple[str, str]]:
-    """The reasons why calibrated eyes cannot be rendered: sentences, each with the setting at fault."""
+    """Yield the reasons why calibrated eyes cannot be rendered: sentences, each with the setting at fault."""
     if not is_calibrated(settings.rig):
         return
     for topic in EYE_TOPICS:
@@ -303,7 +312,9 @@ def find_calibrated_reasons(settings: Settings) -> Iterator[tuple[str, str]]:
 
 
 def advise_on_calibrated_eyes(settings: Settings) -> Iterator[str]:
-    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on their pixels that stay dark."""
+    """Yield sentences on the rendering of calibrated eyes if no pinhole renders them, and on their pixels that stay
+    dark.
+    """
     if not is_calibrated(settings.rig):
         return
     camera = make_camera_with_eyes(settings)
@@ -315,7 +326,7 @@ def advise_on_calibrated_eyes(settings: Settings) -> Iterator[str]:
 
 
 def describe_panorama(panorama: Panorama) -> str:
-    """A sentence on the image from which the eyes' images are taken."""
+    """Describe in a sentence the image from which the eyes' images are taken."""
     return (
         "No pinhole shows all that the eyes see, so they are taken from an equidistant fisheye image of "
         f"{panorama.size_px} x {panorama.size_px} px, {math.degrees(panorama.field_rad):.4g} degrees wide, with "

@@ -1,6 +1,6 @@
 """Cameras beside the stereo pair, each with a name, a role, a projection and a pose.
 
-A projection takes pixels to rays and points to pixels, in the camera's own axes: x right, y down, z forward. Pixels are
+A projection takes pixels to rays and points to pixels, in the camera's axes: x right, y down, z forward. Pixels are
 counted from the centre of the first pixel. A pinhole, a fisheye and a calibrated camera are ``CalibratedCamera``;
 orthographic and equirectangular cameras are here.
 """
@@ -20,14 +20,14 @@ from .calibrated_camera import CORNER, CalibratedCamera
 from .lens_models import Brown, Fisheye, LensModel, lens_from_json, lens_json
 from .rotations import rotation_error
 
-#: The purpose of a camera, as a word by which users choose it.
+#: Purposes of a camera, as words by which users choose it.
 ROLES = ("hazcam", "mast", "arm", "navigation", "context")
-#: The axes of a pose: the axes of the rig's left eye; or east, north and up from the site's origin, with heights above
-#: the ground beneath, or above the site's zero.
+#: Frames of a pose. RIG has the axes of the rig's left eye. GROUND and ZERO have east, north and up from the site's
+#: origin, with heights above the ground beneath, or above the site's zero.
 FRAMES = ("RIG", "GROUND", "ZERO")
 #: The most cameras of a head.
 MAX_CAMERAS = 16
-#: Largest deviation of a pose's matrix in Blender's single precision from a rotation.
+#: Largest deviation from a rotation of a pose's matrix in Blender's single precision.
 _SINGLE = 1e-5
 #: Largest angle off the axis, in degrees, up to which a calibrated camera is rendered as a pinhole.
 _WIDEST_PINHOLE_DEG = 60.0
@@ -37,7 +37,7 @@ _BORDER_PX = 4
 
 @dataclass(frozen=True)
 class Orthographic:
-    """A camera whose rays are parallel: its image is ``width_m`` wide everywhere; pixels are square."""
+    """A camera with parallel rays: its image is ``width_m`` wide at each depth; pixels are square."""
 
     width_px: int
     height_px: int
@@ -45,7 +45,7 @@ class Orthographic:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Numbers of columns and rows."""
         return self.width_px, self.height_px
 
     @property
@@ -57,20 +57,22 @@ class Orthographic:
         return np.array([self.width_px - 1, self.height_px - 1]) / 2
 
     def rays(self, pixels: Array) -> tuple[Array, Array]:
-        """Origins and directions (..., 3) of the rays of pixels (..., 2), in metres; directions have length 1."""
+        """Find the origins and directions (..., 3) of the rays of pixels (..., 2), in metres; directions have
+        length 1.
+        """
         aside = (np.asarray(pixels, np.float64) - self._middle) * self._metres_per_px
         origins = np.concatenate([aside, np.zeros_like(aside[..., :1])], axis=-1)
         return origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape)
 
     def project(self, points_m: Array) -> Array:
-        """Columns and rows (..., 2) of points (..., 3) in metres; NaN behind the camera."""
+        """Project points (..., 3), in metres, to columns and rows (..., 2); NaN behind the camera."""
         points = np.asarray(points_m, np.float64)
         return np.where(points[..., 2:] > 0, points[..., :2] / self._metres_per_px + self._middle, np.nan)
 
 
 @dataclass(frozen=True)
 class Equirectangular:
-    """A panorama: columns are even in longitude, over ``field_deg``, rows are even in latitude by the same step.
+    """A panorama. Columns are even in longitude, over ``field_deg``, and rows are even in latitude by the same step.
 
     The optical axis is in the middle.
     """
@@ -81,7 +83,7 @@ class Equirectangular:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Numbers of columns and rows."""
         return self.width_px, self.height_px
 
     @property
@@ -94,7 +96,7 @@ class Equirectangular:
         return np.array([self.width_px - 1, self.height_px - 1]) / 2
 
     def rays(self, pixels: Array) -> tuple[Array, Array]:
-        """Origins and directions (..., 3) of the rays of pixels (..., 2); directions have length 1."""
+        """Find the origins and directions (..., 3) of the rays of pixels (..., 2); directions have length 1."""
         angles = (np.asarray(pixels, np.float64) - self._middle) * self.step_rad
         longitude, down = angles[..., 0], angles[..., 1]
         level = np.cos(down)
@@ -102,7 +104,7 @@ class Equirectangular:
         return np.zeros_like(directions), directions
 
     def project(self, points_m: Array) -> Array:
-        """Columns and rows (..., 2) of points (..., 3), in metres."""
+        """Project points (..., 3), in metres, to columns and rows (..., 2)."""
         x, y, z = np.moveaxis(np.asarray(points_m, np.float64), -1, 0)
         angles = np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=-1)
         return np.asarray(angles / self.step_rad + self._middle)
@@ -112,8 +114,9 @@ Projection = CalibratedCamera | Orthographic | Equirectangular
 
 
 def make_rays_of_pixels(projection: Projection, pixels: Array) -> tuple[Array, Array]:
-    """Origins and directions (..., 3) of the rays of pixels (..., 2) in the camera's axes, in metres; directions have
-    length 1, and are NaN outside the field of view."""
+    """Find the origins and directions (..., 3) of the rays of pixels (..., 2) in the camera's axes, in metres.
+    Directions have length 1, and are NaN outside the field of view.
+    """
     if not isinstance(projection, CalibratedCamera):
         return projection.rays(pixels)
     directions = projection.unproject(pixels)
@@ -121,7 +124,7 @@ def make_rays_of_pixels(projection: Projection, pixels: Array) -> tuple[Array, A
 
 
 def show_points(projection: Projection, points_m: Array) -> Array:
-    """Columns and rows (..., 2) of points (..., 3) in the camera's axes; NaN for invisible points."""
+    """Project points (..., 3) in the camera's axes to columns and rows (..., 2); NaN for invisible points."""
     return projection.show(points_m) if isinstance(projection, CalibratedCamera) else projection.project(points_m)
 
 
@@ -131,8 +134,9 @@ def make_pinhole(width_px: int, height_px: int, field_deg: float) -> CalibratedC
 
 
 def make_fisheye(width_px: int, height_px: int, field_deg: float) -> CalibratedCamera:
-    """Make an equidistant fisheye that sees ``field_deg`` across its width: a pixel's distance from the middle is
-    proportional to its angle from the axis."""
+    """Make an equidistant fisheye that sees ``field_deg`` across its width. The distance of a pixel from the middle is
+    proportional to its angle from the axis.
+    """
     return _centred(width_px, height_px, width_px / math.radians(field_deg), Fisheye())
 
 
@@ -141,7 +145,9 @@ def _centred(width_px: int, height_px: int, focal_px: float, lens: LensModel) ->
 
 
 def is_plain(projection: Projection) -> bool:
-    """Whether Cycles can render the projection: square pixels, and a pinhole or an equidistant fisheye as the lens."""
+    """Return whether Cycles can render the projection; the lens of a camera must be a pinhole or an equidistant fisheye
+    with square pixels.
+    """
     if not isinstance(projection, CalibratedCamera):
         return True
     lens = projection.lens
@@ -151,8 +157,9 @@ def is_plain(projection: Projection) -> bool:
 
 @dataclass(frozen=True)
 class HeadCamera:
-    """A camera beside the pair. ``rotation`` (3, 3) takes vectors from its axes to its frame, one of ``FRAMES``;
-    ``position_m`` (3,) is in that frame too. ``model`` is the name of the projection in its file."""
+    """A camera beside the pair. ``rotation`` (3, 3) takes vectors from its axes to its frame, one of ``FRAMES``, and
+    ``position_m`` (3,) is in that frame. ``model`` is the name of the projection in its file.
+    """
 
     name: str
     role: str
@@ -171,14 +178,15 @@ class HeadCamera:
 
     @property
     def rendered(self) -> Projection:
-        """The projection of its rendered image: its own, or for a lens that Cycles lacks a wider pinhole or fisheye
-        with the same resolution in the middle."""
+        """The projection of its rendered image. It is the camera's own; or, for a lens that Cycles lacks, a wider
+        pinhole or fisheye with the same resolution in the middle.
+        """
         own = self.projection
         return own if not isinstance(own, CalibratedCamera) or is_plain(own) else _find_render(own)
 
 
 def _find_render(own: CalibratedCamera) -> CalibratedCamera:
-    """A pinhole or an equidistant fisheye that shows all that a camera sees."""
+    """Make a pinhole or an equidistant fisheye that shows everything that a camera sees."""
     grid = np.meshgrid(np.linspace(0.0, own.width_px - 1.0, 65), np.linspace(0.0, own.height_px - 1.0, 49))
     seen = own.unproject(np.stack(grid, axis=-1)).reshape(-1, 3)
     seen = seen[np.isfinite(seen).all(axis=-1)]
@@ -191,7 +199,7 @@ def _find_render(own: CalibratedCamera) -> CalibratedCamera:
     return _centred(width, height, focal, lens)
 
 
-#: What ``camera_from_json`` reads of a file, see ``support.file_schemas``.
+#: The table of a file that ``camera_from_json`` reads, see ``support.file_schemas``.
 HEAD_CAMERA_SHAPE = {
     "name": FILE_NAME,
     "role": TEXT,
@@ -217,7 +225,7 @@ _MAPPINGS = {
 
 
 def camera_json(camera: HeadCamera, to_world: Array, image: str, truth: str) -> dict[str, Any]:
-    """The entry of a camera in ``pair.json``, with its pose (4, 4) in the world and the names of its files."""
+    """Make the entry of a camera in ``pair.json``, with its pose (4, 4) in the world and the names of its files."""
     own = camera.projection
     facts: dict[str, Any] = {
         "name": camera.name,
@@ -243,8 +251,9 @@ def camera_json(camera: HeadCamera, to_world: Array, image: str, truth: str) -> 
 
 
 def camera_from_json(data: Mapping[str, Any]) -> HeadCamera:
-    """The camera of a checked entry, in the frame ZERO, the frame of the world. Raises ValueError for impossible
-    parameters."""
+    """Read the camera of a checked entry, in the frame ZERO, which is the frame of the world. Raises ValueError for
+    impossible parameters.
+    """
     pose = np.array(data["pose_camera_to_world"], np.float64)
     if not rotation_error(pose[:3, :3]) <= _SINGLE:
         raise ValueError(f"the pose of the camera {data['name']} is not a rotation")

@@ -14,8 +14,8 @@ _BISECTIONS = 60
 
 
 def invert(function: Callable[[Array], Array], values: Array, limit: float) -> Array:
-    """The arguments in [0, limit] at which a growing function takes ``values`` (any shape), to rounding; NaN for values
-    outside its range.
+    """Find the arguments in [0, limit] at which a growing function takes ``values`` (any shape), to rounding; NaN for
+    values outside its range.
     """
     low, high = np.zeros_like(values), np.full_like(values, limit)
     for _ in range(_BISECTIONS):
@@ -27,7 +27,7 @@ def invert(function: Callable[[Array], Array], values: Array, limit: float) -> A
 
 
 def find_positive_roots(polynomial: Sequence[float] | Array) -> Array:
-    """The positive roots of a polynomial, whose highest power comes first, in order."""
+    """Find the positive roots of a polynomial, whose highest power comes first, in ascending order."""
     roots = np.roots(polynomial)
     return np.sort(roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)])
 

@@ -1,6 +1,6 @@
 """Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3, and optional further ones.
 
-k4, k5, k6 are the coefficients of a second polynomial that divides the radial one, s1 to s4 describe a thin prism.
+k4, k5, k6 are the coefficients of a second polynomial that divides the radial one, and s1 to s4 describe a thin prism.
 Coordinates are normalised: tangents of the angle to the optical axis, x right, y down.
 """
 
@@ -21,18 +21,18 @@ _MAX_NEWTON_STEPS = 25
 
 
 def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
-    """k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes are calibrated."""
+    """Read k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes are calibrated."""
     if rig.get("eyes") == "CALIBRATED":
         return (0.0,) * len(COEFFICIENTS)
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
 
 def distort_points(points: Array, k: tuple[float, ...]) -> Array:
-    """Where points (..., 2) of a pinhole image appear through the lens with 5, 8 or 12 coefficients ``k``."""
+    """Find where points (..., 2) of a pinhole image appear through the lens with 5, 8 or 12 coefficients ``k``."""
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial, _ = _radial(r2, k)
+    radial, _ = _compute_radial_factor(r2, k)
     found = np.stack(
         [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2), y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y],
         axis=-1,
@@ -43,8 +43,8 @@ def distort_points(points: Array, k: tuple[float, ...]) -> Array:
     return found
 
 
-def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return the radial factor at squared radii ``r2``, and twice its derivative by ``r2``."""
+def _compute_radial_factor(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return the radial factor at squared radii ``r2``, and twice its derivative with respect to ``r2``."""
     k1, k2, _, _, k3 = k[:5]
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
@@ -57,11 +57,11 @@ def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
 
 
 def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
-    """Jacobian (..., 2, 2) of ``distort_points``."""
+    """Compute the Jacobian (..., 2, 2) of ``distort_points``."""
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial, growth = _radial(r2, k)
+    radial, growth = _compute_radial_factor(r2, k)
     mixed = growth * x * y + 2 * p1 * x + 2 * p2 * y
     found = np.stack(
         [
@@ -78,29 +78,32 @@ def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def is_seen(points: Array, k: tuple[float, ...]) -> Array:
-    """Whether a lens shows points (..., 2) of a pinhole image: not those beyond a fold or a pole of its polynomials."""
+    """Return whether a lens shows points (..., 2) of a pinhole image; it shows none beyond a fold or a pole of its
+    polynomials.
+    """
     with np.errstate(all="ignore"):
         unfolded = np.linalg.det(np.nan_to_num(_jacobian(points, k))) > 0
         return np.asarray(unfolded & ((points**2).sum(axis=-1) <= _find_fold_radius(k)))
 
 
 def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
-    """Positions in a pinhole image of points (..., 2) seen through the lens, to 1e-9; NaN for points outside its field.
+    """Find the positions in a pinhole image of points (..., 2) seen through the lens, to 1e-9; NaN for points outside
+    its field.
 
     Newton's method starts at the point itself, and then at the solution of the radial polynomial alone. A point beyond
     the fold of the polynomial has no solution on a real lens.
     """
     if not any(k):
         return points.copy()
-    found = _search(points, points, k)
+    found = _search_by_newton(points, points, k)
     lost = ~np.isfinite(found).all(axis=-1)
     if lost.any():
-        found[lost] = _search(points[lost], _radial_guess(points[lost], k), k)
+        found[lost] = _search_by_newton(points[lost], _radial_guess(points[lost], k), k)
     return found
 
 
-def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
-    """Newton's method for ``undistort_points`` from ``start``; NaN where it ends outside the field of the lens."""
+def _search_by_newton(points: Array, start: Array, k: tuple[float, ...]) -> Array:
+    """Run Newton's method for ``undistort_points`` from ``start``; NaN where it ends outside the field of the lens."""
     found = start.copy()
     with np.errstate(all="ignore"):
         for _ in range(_MAX_NEWTON_STEPS):
@@ -119,16 +122,21 @@ def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
 
 
 def _radial_guess(points: Array, k: tuple[float, ...]) -> Array:
-    """Pinhole positions of points (n, 2) if the lens had only its radial coefficients."""
+    """Compute the pinhole positions of points (n, 2) as if the lens had only its radial coefficients."""
     seen = np.hypot(*points.T)
     with np.errstate(all="ignore"):
-        angle = invert(lambda a: np.tan(a) * _radial(np.tan(a) ** 2, k)[0], seen, math.atan(math.sqrt(_fold(k))))
+        angle = invert(
+            lambda a: np.tan(a) * _compute_radial_factor(np.tan(a) ** 2, k)[0],
+            seen,
+            math.atan(math.sqrt(_find_first_fold(k))),
+        )
     return points * np.divide(np.tan(angle), seen, out=np.ones_like(seen), where=seen > 0)[:, None]
 
 
-def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
-    """The squared radii, in order, at which the radial polynomial has an extremum, up to its first
-    pole, and that pole."""
+def _find_folds(k: tuple[float, ...]) -> tuple[Array, float]:
+    """Find the squared radii, in order, at which the radial polynomial has an extremum, up to its first pole, and that
+    pole.
+    """
     above = np.poly1d([k[4], k[1], k[0], 1.0])  # by r^2
     below = np.poly1d([*k[7:4:-1], 1.0])
     r2 = np.poly1d([1.0, 0.0])
@@ -138,24 +146,26 @@ def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
     return folds[folds < pole], pole
 
 
-def _fold(k: tuple[float, ...]) -> float:
-    """The squared radius of the first fold or pole of the radial polynomial; infinite without them."""
-    folds, pole = _folds(k)
+def _find_first_fold(k: tuple[float, ...]) -> float:
+    """Return the squared radius of the first fold or pole of the radial polynomial; infinite without them."""
+    folds, pole = _find_folds(k)
     return float(folds[0]) if len(folds) else pole
 
 
 def _find_fold_radius(k: tuple[float, ...]) -> float:
-    """A squared radius beyond the fold of the radial polynomial: between the fold and the next extremum, or the pole;
-    infinite without a fold. The polynomial falls there, so no root counts, and tangential terms may shift the fold a
-    little.
+    """Find a squared radius beyond the fold of the radial polynomial: between the fold and the next extremum, else the
+    pole; infinite without either. Between the extrema the polynomial falls, so no root counts there, and tangential
+    terms may shift the fold a little.
     """
-    folds, pole = _folds(k)
+    folds, pole = _find_folds(k)
     return float(folds[:2].mean()) if len(folds) > 1 else pole
 
 
 def find_overscan(rig: RigSettings) -> float | None:
-    """Share of width and height to render beyond each border, so that every pixel of the sensor is lit. The border
-    pixels, which see farthest, decide. None if the lens sees rays that no pinhole image contains.
+    """Find the share of width and height to render beyond each border, so that every pixel of the sensor is lit; None
+    if the lens sees rays that no pinhole image contains.
+
+    Only the border pixels are tested, because they see farthest.
     """
     width, height = int(rig.width_px), int(rig.height_px)
     focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width

@@ -39,12 +39,12 @@ class Brown:
         return f"Brown-Conrady, {len(self.coefficients)} coefficients" if any(self.coefficients) else "pinhole"
 
     def shortened(self) -> tuple[float, ...]:
-        """The coefficients without trailing zeros: 0, 5, 8 or 12 of them."""
+        """Return the coefficients without trailing zeros: 0, 5, 8 or 12 of them."""
         counts = (0, *BROWN_COUNTS)
         return next(self.coefficients[:count] for count in counts if not any(self.coefficients[count:]))
 
     def bend(self, directions: Array) -> Array:
-        """Points (..., 2) of directions (..., 3); NaN outside the field."""
+        """Map directions (..., 3) to points (..., 2); NaN outside the field."""
         ahead = directions[..., 2] > 0
         with np.errstate(all="ignore"):
             points = directions[..., :2] / np.where(ahead, directions[..., 2], np.nan)[..., None]
@@ -52,7 +52,7 @@ class Brown:
             return np.where(seen[..., None], lens_distortion.distort_points(points, self.coefficients), np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
+        """Map points (..., 2) to directions (..., 3) of length 1; NaN outside the field."""
         found = lens_distortion.undistort_points(points, self.coefficients)
         directions = np.concatenate([found, np.ones_like(found[..., :1])], axis=-1)
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
@@ -62,7 +62,7 @@ class Brown:
 class Fisheye:
     """Kannala and Brandt's model as in OpenCV's module fisheye, Kalibr's equidistant and COLMAP's OPENCV_FISHEYE.
 
-    An angle a off the axis is shown at the distance a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8).
+    A direction at the angle a off the axis is shown at the distance a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8).
     """
 
     coefficients: tuple[float, ...] = (0.0,) * 4
@@ -77,18 +77,20 @@ class Fisheye:
 
     @property
     def widest_rad(self) -> float:
-        """The largest angle off the axis that the lens shows."""
+        """The largest angle off the axis, in rad, that the lens shows."""
         k1, k2, k3, k4 = self.coefficients
         return min(math.pi, math.sqrt(find_smallest_positive_root([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])))
 
     def _distance(self, angle: Array) -> Array:
-        """Distance from the principal point, in the normalised image, of an angle in rad off the axis."""
+        """Compute the distance from the principal point, in the normalised image, of a ray at ``angle`` (rad) off the
+        axis.
+        """
         k1, k2, k3, k4 = self.coefficients
         a2 = angle**2
         return angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
 
     def bend(self, directions: Array) -> Array:
-        """Points (..., 2) of directions (..., 3); NaN outside the field."""
+        """Map directions (..., 3) to points (..., 2); NaN outside the field."""
         aside = np.hypot(directions[..., 0], directions[..., 1])
         angle = np.arctan2(aside, directions[..., 2])
         with np.errstate(all="ignore"):
@@ -97,7 +99,7 @@ class Fisheye:
             return np.where(seen[..., None], scale[..., None] * directions[..., :2], np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
+        """Map points (..., 2) to directions (..., 3) of length 1; NaN outside the field."""
         distance = np.hypot(points[..., 0], points[..., 1])
         angle = invert(self._distance, distance, self.widest_rad)
         side = np.divide(points, distance[..., None], out=np.zeros_like(points), where=distance[..., None] > 0)
@@ -135,14 +137,14 @@ class Cahvore:
         return np.array(self.axis), np.array(self.radial), pupil, self.linearity
 
     def bend(self, directions: Array) -> Array:
-        """Points (..., 2) of directions (..., 3); NaN outside the field."""
+        """Map directions (..., 3) to points (..., 2); NaN outside the field."""
         with np.errstate(all="ignore"):
             bent = cahvore.bend(directions, *self._numbers)
             seen = (bent[..., 2] > 0) & cahvore.is_seen(directions, *self._numbers)
             return np.where(seen[..., None], bent[..., :2] / bent[..., 2:], np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
+        """Map points (..., 2) to directions (..., 3) of length 1; NaN outside the field."""
         return cahvore.unbend(np.concatenate([points, np.ones_like(points[..., :1])], axis=-1), *self._numbers)
 
 
@@ -150,7 +152,7 @@ LensModel = Brown | Fisheye | Cahvore
 
 
 def lens_json(lens: LensModel) -> dict[str, Any]:
-    """A lens by its name and its numbers, as ``lens_from_json`` reads them."""
+    """Describe a lens by its name and its numbers, as ``lens_from_json`` reads them."""
     if isinstance(lens, Cahvore):
         return {
             "model": "CAHVORE",
@@ -163,7 +165,7 @@ def lens_json(lens: LensModel) -> dict[str, Any]:
 
 
 def lens_from_json(data: Mapping[str, Any]) -> LensModel:
-    """The lens of a table of ``lens_json``. Raises ValueError for another table."""
+    """Read the lens of a table of ``lens_json``. Raises ValueError for another table."""
     model = data.get("model")
     if model not in ("BROWN", "FISHEYE", "CAHVORE"):
         raise ValueError(f"there is no lens {quote(model)}")
@@ -181,7 +183,7 @@ def lens_from_json(data: Mapping[str, Any]) -> LensModel:
 
 
 def _check_numbers(numbers: tuple[float, ...], what: str, *counts: int) -> None:
-    """Raise ValueError unless there are as many numbers as one of the counts, all finite."""
+    """Raise ValueError unless all numbers are finite, and their count is one of ``counts``."""
     if len(numbers) not in counts:
         raise ValueError(f"{what} has {' or '.join(map(str, counts))} coefficients, not {len(numbers)}")
     if not all(map(math.isfinite, numbers)):

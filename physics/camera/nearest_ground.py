@@ -31,10 +31,10 @@ _FAN_DISTANCES = 150
 _FAN_START = 0.05
 #: Distance of the last sample in heights of the camera.
 _FAN_END = 12.0
-#: Least depth that counts, in heights of the camera. Nearer depths give no useful range, and the lens is in no rock.
+#: Least depth that counts, in heights of the camera. Nearer ground gives no useful range of disparities.
 _MIN_DEPTH = 0.05
 
-#: The last ground by its name; the pairs of one scene stand on the same ground.
+#: The last ground by its key; the pairs of one scene stand on the same ground.
 _last_ground: dict[str, RockyGround] = {}
 #: Topics of settings that do not affect the ground, except by the settings that ``make_ground_name_key`` adds.
 _TOPICS_NOT_OF_GROUND = {
@@ -55,7 +55,7 @@ _TOPICS_NOT_OF_GROUND = {
 
 
 def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
-    """The greatest disparity in px of the described ground and rocks in the image. None if the ground comes from a
+    """Find the greatest disparity in px of the described ground and rocks in the image. None if the ground comes from a
     file, cannot be made, or is outside the image.
     """
     if settings.source.kind != "PROCEDURAL":
@@ -67,7 +67,7 @@ def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | N
 
 
 def make_ground_name_key(settings: Settings) -> str:
-    """A cache key of the ground: equal texts for settings with the same ground and rocks."""
+    """Make a cache key of the ground: equal texts for settings with the same ground and rocks."""
     made_of = {topic: values for topic, values in settings.items() if topic not in _TOPICS_NOT_OF_GROUND}
     # Which rocks are drawn beyond the patch depends on the rig.
     beyond = make_view_beyond(settings)
@@ -75,7 +75,7 @@ def make_ground_name_key(settings: Settings) -> str:
 
 
 def _get_ground(settings: Settings) -> RockyGround:
-    """The ground of the settings, cached by its name."""
+    """Return the ground of the settings; the last one is cached by its key."""
     name = make_ground_name_key(settings)
     if name not in _last_ground:
         _last_ground.clear()
@@ -84,7 +84,7 @@ def _get_ground(settings: Settings) -> RockyGround:
 
 
 def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
-    """The greatest disparity in px of the samples and rocks; None if all are outside the image."""
+    """Find the greatest disparity in px of the samples and rocks; None if all are outside the image."""
     axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
     # Seen from above, the fan of a camera that looks down is wider than its field of view.
@@ -98,7 +98,7 @@ def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float
     depths = [_depths_in_image(points, np.zeros(len(points)), np.zeros(len(points)), eye, axes, rig, focal)]
     rocks = ground.rocks
     if rocks is not None and len(rocks.reach_m):
-        clear = float(ground.settings.rocks.clear_radius_m)  # about every camera, so rocks there are left out
+        clear = float(ground.settings.rocks.clear_radius_m)  # rocks so near to any camera are left out
         away = np.hypot(*(rocks.position_m[:, :2] - eye[:2]).T)
         near = (away < _FAN_END * rig.height_m) & (away > clear + rocks.reach_m)
         half_m = rocks.scale_m[near] / 2
@@ -129,8 +129,8 @@ def _depths_in_image(
     rig: RigSettings,
     focal: float,
 ) -> Array:
-    """Planar depths in metres of the near sides of objects in the image. ``points`` (n, 3) are their centres,
-    ``toward`` (n,) their extents toward the camera and ``size`` (n,) to each side, in metres.
+    """Find the planar depths (k,), m, of the near sides of objects in the image. ``points`` (n, 3) are the objects'
+    centres, ``toward`` (n,) their extents toward the camera and ``size`` (n,) to each side, in metres.
     """
     x, y, z = ((points - eye) @ axes).T
     depth = z - toward

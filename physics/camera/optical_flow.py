@@ -16,15 +16,15 @@ from .stereo_camera import StereoCamera
 #: Relative difference in distance by which an occluder must be nearer: ten times the error bound of true depth on a
 #: plane.
 _MIN_GAP = 1e-3
-#: Further difference by which an occluder must be nearer, as a share of the range of the four pixels around. Between
-#: them inverse depth is taken as linear, while an edge may lie anywhere.
+#: Further difference by which an occluder must be nearer, as a share of the range of the four pixels around the point.
+#: Inverse depth is assumed to be linear between them, although an edge may lie anywhere.
 _MIN_GAP_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Positions of an image's points in another image. ``flow_px`` (H, W, 2) is columns to the right and rows down, NaN
-    without a point or behind the other camera. ``visible`` (H, W) is true where the other image shows the point.
+    """Displacement of an image's points to another image. ``flow_px`` (H, W, 2) is columns to the right and rows down,
+    NaN without a point or behind the other camera. ``visible`` (H, W) is true where the other image shows the point.
     """
 
     flow_px: Array
@@ -40,9 +40,9 @@ def find_flow(
     shutter: RollingShutter | None = None,
     other_shutter: RollingShutter | None = None,
 ) -> Flow:
-    """The flow from an image to another of the same camera, with the lens of the left rectified eye.
+    """Find the flow from one image to another of the same camera, with the lens of the left rectified eye.
 
-    Planar depths (H, W) in metres are NaN for sky, which hides nothing; poses (4, 4) are from the axes x right, y down,
+    Planar depths (H, W) in metres are NaN for sky, which hides nothing. Poses (4, 4) are from the axes x right, y down,
     z forward to the world. With a rolling shutter, poses belong to the middle of the readout, and depths are along the
     axes of the rows.
     """
@@ -65,8 +65,8 @@ def find_flow(
 
 
 def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
-    """Return whether the other image, with true depths ``other_depth_m`` (H, W), shows points whose positions in it are
-    ``there`` (H, W, 2) and whose depth in it is ``depth_m``.
+    """Return whether the other image, with true depths ``other_depth_m`` (H, W), shows each point, bool (H, W).
+    ``there`` (H, W, 2) and ``depth_m`` (H, W) are the points' positions and depths in that image.
     """
     height, width = other_depth_m.shape
     with np.errstate(invalid="ignore"):

@@ -14,10 +14,10 @@ from .lens_models import Fisheye
 
 @dataclass(frozen=True)
 class Panorama:
-    """A square image of ``size_px`` columns and rows about the axis of an eye of the parallel rig, in its axes.
+    """A square image of ``size_px`` columns and rows about the axis of an eye of the parallel rig, in the eye's axes.
 
-    An angle a off the axis is shown at the distance ``px_per_rad`` a from the middle of the image. Beyond the circle
-    that touches its borders the image is black.
+    A direction at the angle a off the axis is shown at the distance ``px_per_rad`` a from the middle of the image.
+    Beyond the circle that touches its borders the image is black.
     """
 
     size_px: int
@@ -25,7 +25,7 @@ class Panorama:
 
     @property
     def field_rad(self) -> float:
-        """The angle that the image spans, at most 2 pi."""
+        """The angle that the image spans, in rad, at most 2 pi."""
         return self.size_px / self.px_per_rad
 
     @cached_property
@@ -34,8 +34,9 @@ class Panorama:
         return CalibratedCamera(self.size_px, self.size_px, self.px_per_rad, self.px_per_rad, middle, middle, Fisheye())
 
     def show(self, directions: Array) -> Array:
-        """Columns and rows (..., 2) of directions (..., 3) of any length, from the centre of the first pixel; NaN for
-        NaN, and for the direction opposite to the axis, which lies all around the image."""
+        """Project directions (..., 3) of any length to columns and rows (..., 2), counted from the centre of the first
+        pixel. NaN for NaN, and for the direction opposite to the axis, which lies all around the image.
+        """
         return self._camera.show(directions)
 
     def to_json(self) -> dict[str, Any]:
@@ -49,12 +50,12 @@ class Panorama:
 
 
 def make_panorama(px_per_rad: float, widest_rad: float) -> Panorama:
-    """The panorama of all directions up to an angle off the axis, with a border for the interpolation."""
+    """Make the panorama of all directions up to an angle off the axis, with a border for the interpolation."""
     widest = min(math.pi, widest_rad)
     size = 2 * math.ceil(px_per_rad * widest + _BORDER_PX)
     # At most as many pixels as the whole sphere spans, since Cycles renders no wider field.
     return Panorama(min(size, 2 * math.floor(px_per_rad * math.pi)), px_per_rad)
 
 
-#: Pixels beyond the outermost ray; splines reach two of them with more than 1 % of their weight.
+#: Number of pixels beyond the outermost ray; splines reach two of them with more than 1 % of their weight.
 _BORDER_PX = 3

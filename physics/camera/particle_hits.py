@@ -13,7 +13,8 @@ MAX_HITS = 1_000_000
 
 
 def expected_hit_count(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
-    """Expected number of particles through an image (H, W) with pixels of side ``pitch_m`` in one exposure.
+    """Compute the expected number of particles through an image (H, W) with pixels of side ``pitch_m`` in one exposure.
+
     ``sensor.radiation_flux_cm2_s`` counts particles from all directions behind the shield, per second and cm² of the
     sensor's plane.
     """
@@ -24,7 +25,7 @@ def expected_hit_count(sensor: SensorSettings, shape: tuple[int, int], pitch_m: 
 def draw_hits(
     sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float, random: np.random.Generator
 ) -> Array:
-    """Electrons (H, W) that particles leave in one exposure.
+    """Draw the electrons (H, W) that particles leave in one exposure.
 
     The number of particles is Poisson distributed. In an isotropic flux through a plane, cos² θ is uniform between 0
     and 1. A particle crosses the sensitive depth d (``radiation_depth_um``) on a straight line of length d / cos θ,
@@ -50,8 +51,8 @@ def draw_hits(
 
 
 def _draw_tracks(start: Array, direction: Array, length_px: Array, electrons: Array, shape: tuple[int, int]) -> Array:
-    """Electrons (H, W) of straight tracks, which are cut into steps of at most half a pixel; each step's electrons go
-    to the pixel of its middle.
+    """Draw the electrons (H, W) of straight tracks, in steps of at most half a pixel. Each step's electrons go to the
+    pixel of its middle.
     """
     steps = np.ceil(2 * length_px).astype(np.intp) + 1
     track = np.repeat(np.arange(len(steps)), steps)

@@ -9,11 +9,11 @@ import numpy as np
 from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array
 
-_REACH_SIGMAS = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
+_REACH_SIGMAS = 4.0  # standard deviations; beyond them lies 6e-5 of a Gaussian
 
 
 def apply_point_spread(radiance: Array, sensor: SensorSettings) -> Array:
-    """Radiance (H, W), float64, behind the lens.
+    """Return the radiance (H, W), float64, behind the lens.
 
     ``sensor.psf_sigma_px`` is the standard deviation of the Gaussian point spread. ``sensor.veiling_glare`` is the
     share of the whole image's light that is spread evenly over it (the veiling glare index of ISO 9358). Both keep the
@@ -30,7 +30,7 @@ def apply_point_spread(radiance: Array, sensor: SensorSettings) -> Array:
 
 
 def gaussian_kernel(sigma_px: float) -> Array:
-    """Weights (2 n + 1,) of a Gaussian integrated over each pixel, with the sum 1."""
+    """Compute the weights (2 n + 1,) of a Gaussian that is integrated over each pixel, with the sum 1."""
     reach = math.ceil(_REACH_SIGMAS * sigma_px)
     edges = (np.arange(-reach, reach + 2) - 0.5) / (math.sqrt(2) * sigma_px)
     weights = np.diff([math.erf(x) for x in edges])
@@ -38,7 +38,7 @@ def gaussian_kernel(sigma_px: float) -> Array:
 
 
 def _blur_axis(image: Array, sigma: float, axis: int) -> Array:
-    """The image blurred along one axis."""
+    """Blur the image along one axis."""
     kernel = gaussian_kernel(sigma)
     reach = len(kernel) // 2
     padded = np.pad(image, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")

@@ -14,7 +14,7 @@ from .stereo_camera import StereoCamera
 
 
 def make_calibrated_rig(settings: Settings) -> CalibratedRig:
-    """Both eyes of complete settings as calibrated cameras, in the axes of the left eye.
+    """Make calibrated cameras of both eyes of complete settings, in the axes of the left eye.
 
     Raises ValueError for numbers that no lens has.
     """
@@ -25,7 +25,7 @@ def make_calibrated_rig(settings: Settings) -> CalibratedRig:
 
 
 def _make_identical_eye(pair: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
-    """An eye of a pair with two identical eyes, in the axes of the left eye of the parallel rig."""
+    """Make an eye of a pair with two identical eyes, in the axes of the left eye of the parallel rig."""
     focal, rotation = pair.focal_px, pair.eye_rotation(eye)
     return CalibratedCamera(
         pair.width_px,

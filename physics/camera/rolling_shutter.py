@@ -1,8 +1,8 @@
 """The rolling shutter of a stereo pair: rows of both eyes are exposed one after the other, from the top down.
 
-Row r of n, counted from 0, has the middle of its exposure T (r / (n - 1) - 1/2) after the middle of the whole, where T
-is the readout time. The rig moves at constant speed and turn meanwhile. Both eyes of the parallel rig see a point in
-the same row, so at the same time: its disparity is f B / Z, with Z along the axis of the pose of that row.
+Row r of n, counted from 0, has the middle of its exposure T (r / (n - 1) - 1/2) after the middle of the readout, where
+T is the readout time. Meanwhile the rig moves with constant velocity and rotation. Both eyes of the parallel rig see a
+point in the same row, so at the same time. Its disparity is f B / Z, with Z along the axis of the pose of that row.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ...support.arrays import Array
 from .blur import find_pose_after, has_rolling_shutter, read_motion
 from .stereo_camera import StereoCamera
 
-#: Largest number of steps, and change in rows at which they end, in the search for the row that shows a point.
+#: Maximum number of steps in the search for the row that shows a point, and the change in rows at which it ends.
 _MAX_STEPS, _MIN_STEP_ROWS = 64, 1e-9
 #: The formula for users of ``pair.json`` and of exports.
 POSE_OF_ROW = (
@@ -28,8 +28,8 @@ POSE_OF_ROW = (
 
 @dataclass(frozen=True)
 class RollingShutter:
-    """The readout of ``rows`` rows, in seconds from the first to the last, and the motion of the left eye in its own
-    axes at the middle of the readout: x right, y down, z forward.
+    """The readout of ``rows`` rows, in seconds from the first to the last, and the motion of the left eye, in its axes
+    at the middle of the readout: x right, y down, z forward.
     """
 
     readout_s: float
@@ -39,31 +39,32 @@ class RollingShutter:
 
     @property
     def row_s(self) -> float:
-        """Seconds from a row to the next one."""
+        """Seconds from a row to the next row."""
         return self.readout_s / max(1, self.rows - 1)
 
     def find_time_s(self, row: Array) -> Array:
-        """Seconds from the middle of the readout to the middle of each row's exposure. Rows may be fractional, and may
-        lie outside the image.
+        """Find the seconds from the middle of the readout to the middle of each row's exposure. Rows may be fractional,
+        and may lie outside the image.
         """
         return self.row_s * (np.asarray(row, np.float64) - (self.rows - 1) / 2)
 
     def find_row_poses(self, row: Array, along_m: float = 0.0) -> Array:
-        """Poses (n, 4, 4) of an eye at the readout times of rows (n,), in its axes at the middle of the readout. The
-        eye is ``along_m`` to the right of the left eye.
+        """Find the poses (n, 4, 4) of an eye at the readout times of rows (n,), in its axes at the middle of the
+        readout. The eye is ``along_m`` to the right of the left eye.
         """
         moves = np.stack([find_pose_after(self, float(time)) for time in self.find_time_s(row)])
         moves[:, :3, 3] += along_m * (moves[:, :3, 0] - (1.0, 0.0, 0.0))
         return moves
 
     def list_poses(self, pose: Array, along_m: float = 0.0, margin: int = 0) -> Array:
-        """Poses (rows + 2 margins, 4, 4) in the world of an eye ``along_m`` to the right of the left eye, row by row;
-        ``pose`` (4, 4) is its pose in the middle, and ``margin`` the number of rows above and below the image.
+        """Compute the poses (rows + 2 margins, 4, 4) in the world, row by row, of an eye ``along_m`` to the right of
+        the left eye. ``pose`` (4, 4) is the eye's pose in the middle, and ``margin`` the number of rows above and below
+        the image.
         """
         return np.asarray(pose @ self.find_row_poses(np.arange(-margin, self.rows + margin), along_m))
 
     def to_json(self) -> dict[str, Any]:
-        """The table ``rolling_shutter`` of exports."""
+        """Return the table ``rolling_shutter`` of exports."""
         return {
             "readout_s": self.readout_s,
             "rows": self.rows,
@@ -74,7 +75,7 @@ class RollingShutter:
 
 
 def find_rolling_shutter(rig: RigSettings) -> RollingShutter | None:
-    """The rolling shutter of the parallel pair; None for a global shutter or a rig that stands still."""
+    """Find the rolling shutter of the parallel pair; None for a global shutter or a rig that stands still."""
     if not has_rolling_shutter(rig):
         return None
     return RollingShutter(float(rig.readout_s), int(rig.height_px), *read_motion(rig))
@@ -82,7 +83,7 @@ def find_rolling_shutter(rig: RigSettings) -> RollingShutter | None:
 
 def turn_to_world(own: Array, pose: Array, row: Array) -> Array:
     """Rotate vectors (n, 3) from the axes of an eye to the world. ``pose`` is the pose (4, 4) of the eye, or the poses
-    (rows, 4, 4) of its rows; then ``row`` (n,) states the row of each vector.
+    (rows, 4, 4) of its rows. For poses of rows, ``row`` (n,) states the row of each vector.
     """
     return np.asarray(own @ pose[:3, :3].T if pose.ndim == 2 else np.einsum("nij,nj->ni", pose[row, :3, :3], own))
 
@@ -101,12 +102,12 @@ def move_to_middle(points: Array, shutter: RollingShutter | None) -> Array:
 
 
 def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter | None) -> tuple[Array, Array]:
-    """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3), which are in the axes of
-    the left eye at the middle of the readout. Coordinates are NaN for points behind the camera, and for points that
-    cross the rows as fast as the readout.
+    """Project points (n, 3), in the axes of the left eye at the middle of the readout. Return their pixel-corner
+    coordinates (n, 2), column first, and planar depths (n,). Coordinates are NaN for points behind the camera, and for
+    points that cross the rows as fast as the readout.
 
-    A point is shown by the row whose pose projects it there. The search starts in the middle and takes the row of the
-    last projection as the next one, which converges where the image moves by less than a row while a row is read.
+    A point is shown by the row whose pose projects it to this row. The search starts at the row of the middle pose, and
+    the row of each projection is tried next. It converges where the image moves by less than a row while a row is read.
     """
     place, depth = _project(points, camera)
     if shutter is None:
@@ -114,15 +115,17 @@ def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter 
     row = place[:, 1].copy()
     left = np.flatnonzero(np.isfinite(row))  # the points whose row is not yet found
     for _ in range(_MAX_STEPS):
-        place[left], depth[left] = _project(_see(points[left], shutter, row[left]), camera)
+        place[left], depth[left] = _project(_transform_to_rows(points[left], shutter, row[left]), camera)
         change, row[left] = np.abs(place[left, 1] - row[left]), place[left, 1]
         left = left[change > _MIN_STEP_ROWS]
     place[left] = np.nan
     return place, depth
 
 
-def _see(points: Array, shutter: RollingShutter, row: Array) -> Array:
-    """Points (n, 3) in the axes of the eye at rows (n,), in pixel-corner coordinates."""
+def _transform_to_rows(points: Array, shutter: RollingShutter, row: Array) -> Array:
+    """Transform points (n, 3), in metres, to the axes of the eye at the time when each point's row (n,) is read. Rows
+    are pixel-corner coordinates.
+    """
     time = shutter.find_time_s(row - 0.5)[:, None]
     shifted = points - shutter.velocity_m_s * time
     speed = float(np.linalg.norm(shutter.turn_deg_s))

@@ -10,8 +10,9 @@ from ...support.arrays import Array
 
 
 def quaternion(rotation: Array) -> Array:
-    """w, x, y, z of a rotation matrix (3, 3): the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23,
-    1085).
+    """Compute w, x, y, z of a rotation matrix (3, 3): the eigenvector of the largest eigenvalue.
+
+    Source: Bar-Itzhack 2000, JGCD 23, 1085.
     """
     m = rotation
     k = (
@@ -31,8 +32,9 @@ def quaternion(rotation: Array) -> Array:
 
 
 def from_quaternion(wxyz: Array) -> Array:
-    """The rotation (3, 3) of w, x, y, z of any length but 0. Raises ValueError for 0 and for numbers that are not
-    finite."""
+    """Make the rotation (3, 3) of w, x, y, z of any length but 0. Raises ValueError for length 0 and for numbers that
+    are not finite.
+    """
     length = float(np.linalg.norm(wxyz))
     if not (math.isfinite(length) and length > 0):
         raise ValueError("its quaternion has length 0")
@@ -47,7 +49,7 @@ def from_quaternion(wxyz: Array) -> Array:
 
 
 def from_vector(vector: Array) -> Array:
-    """The rotation (3, 3) about a vector (3,) by its length in rad (Rodrigues' formula)."""
+    """Make the rotation (3, 3) about a vector (3,) by the vector's length in rad."""
     angle = float(np.linalg.norm(vector))
     if angle == 0:
         return np.eye(3)
@@ -55,15 +57,15 @@ def from_vector(vector: Array) -> Array:
 
 
 def to_vector(rotation: Array) -> Array:
-    """The rotation vector (3,): along the axis, with the angle in rad as its length, at most half a turn."""
+    """Compute the rotation vector (3,): along the axis, with the angle in rad as its length, at most half a turn."""
     w, *axis = quaternion(rotation)
     sine = float(np.linalg.norm(axis))
     return np.array(axis) * (2 * math.atan2(sine, w) / sine if sine > 0 else 2.0)
 
 
 def rotation_error(matrix: Array) -> float:
-    """Largest deviation of an element of matrix (3, 3) times its transpose from the unit matrix; infinite for a
-    mirrored matrix or elements that are not finite.
+    """Return the largest deviation from the unit matrix of a matrix (3, 3) times its transpose; infinite for a mirrored
+    matrix or elements that are not finite.
     """
     if not (np.isfinite(matrix).all() and np.linalg.det(matrix) > 0):
         return math.inf
@@ -71,6 +73,6 @@ def rotation_error(matrix: Array) -> float:
 
 
 def nearest_rotation(matrix: Array) -> Array:
-    """The rotation (3, 3) that is nearest to a matrix, by its singular values."""
+    """Find the rotation (3, 3) that is nearest to a matrix, by its singular values."""
     left, _, right = np.linalg.svd(matrix)
     return np.asarray(left @ right)

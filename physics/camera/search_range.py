@@ -20,7 +20,9 @@ _HOLLOW_DEPTH_RATIO = 2.0
 
 
 def level_ground_disparities_px(rig: RigSettings) -> tuple[float, float]:
-    """Disparity in px of level ground in the top and the bottom row of the image; 0 for a row above the horizon."""
+    """Compute the disparity in px of level ground in the top and the bottom row of the image; 0 for a row above the
+    horizon.
+    """
     focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
     centre, rows = int(rig.height_px) / 2 + float(rig.principal_y_px), int(rig.height_px)
     top, bottom = (max(0.0, math.sin(pitch) + (row - centre) / focal * math.cos(pitch)) for row in (0, rows))
@@ -29,8 +31,8 @@ def level_ground_disparities_px(rig: RigSettings) -> tuple[float, float]:
 
 
 def disparity_range_px(rig: RigSettings, relief: float = UNKNOWN_RELIEF) -> tuple[float, float] | None:
-    """The least and greatest disparity to expect, px; None if level ground is outside the image. ``relief`` is the
-    largest height of the near ground as a share of the camera's height.
+    """Find the least and the greatest disparity to expect, px; None if level ground is outside the image. ``relief`` is
+    the largest height of the near ground as a share of the camera's height.
     """
     top, bottom = level_ground_disparities_px(rig)
     return (top / _HOLLOW_DEPTH_RATIO, bottom / (1 - relief)) if bottom > 0 else None

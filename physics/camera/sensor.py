@@ -1,9 +1,8 @@
 """A camera's sensor: from the light on a pixel to the number that is read out of it.
 
-The chain follows EMVA 1288: photo-electrons proportional to light and exposure time, dark
-current, their Poisson noise, a well that overflows, fixed patterns, the noise of reading, an
-analogue-digital converter with a black level. All of it happens after rendering, so a change of
-exposure or gain never needs a new render.
+The chain follows EMVA 1288: photo-electrons in proportion to light and exposure time, dark current, the Poisson noise
+of both, a well that overflows, fixed patterns, the noise of reading, and an analogue-digital converter with a black
+level. All of it happens after rendering, so a change of exposure or gain never needs a new render.
 
 ``sensor`` is the ``sensor`` topic of the settings throughout; ``rate`` is the result of ``photons.electron_rate``.
 """
@@ -29,44 +28,45 @@ LONGEST_S = 1.0e3
 #: Share of saturated pixels above which a warning is given.
 MAX_SATURATED_SHARE = 0.02
 
-#: Mean electrons beyond which Poisson noise cannot bring any well (at most 1e7) below full.
+#: Mean electrons from which on Poisson noise cannot keep any well (at most 1e7) from being full.
 _SURELY_FULL_E = 1.0e9
 
 
 def gain_dn_per_e(sensor: SensorSettings) -> float:
-    """System gain K in digital numbers per electron; with ``gain`` 1 a full well gives the converter's largest
-    number."""
+    """Compute the system gain K in digital numbers per electron. With ``gain`` 1 a full well gives the converter's
+    largest number.
+    """
     return float(sensor.gain) * (top_dn(sensor) - black_dn(sensor)) / float(sensor.full_well_e)
 
 
 def top_dn(sensor: SensorSettings) -> int:
-    """The largest digital number of the converter."""
+    """Return the largest digital number of the converter."""
     return int(2 ** int(sensor.bits) - 1)
 
 
 def black_dn(sensor: SensorSettings) -> float:
-    """Digital number of a dark pixel, from ``black_level``, a share of the converter's range."""
+    """Compute the digital number of a dark pixel, from ``black_level``, a share of the converter's range."""
     return float(sensor.black_level) * top_dn(sensor)
 
 
 def capacity_e(sensor: SensorSettings) -> float:
-    """Electrons at which a pixel saturates: a full well, or the end of the converter's range."""
+    """Compute the electrons at which a pixel saturates: a full well, or the end of the converter's range."""
     return float(sensor.full_well_e) / max(1.0, float(sensor.gain))
 
 
 def choose_exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
-    """Exposure time in seconds of both eyes, from the left eye's grey radiance ``left_light`` (any shape).
+    """Choose the exposure time in seconds of both eyes, from the left eye's grey radiance ``left_light`` (any shape).
 
     Auto exposure puts the ``auto_percentile`` quantile of the radiance at ``auto_target`` of the capacity. If that
-    quantile is black, the brightest pixel replaces it. A wholly black image gives nothing to measure and is exposed as
-    without auto exposure. The time stays between SHORTEST_S and LONGEST_S.
+    quantile is black, the brightest pixel replaces it. A wholly black image gives nothing to measure, so it gets the
+    exposure time of the settings. The time of auto exposure stays between SHORTEST_S and LONGEST_S.
     """
     return expose_level_s(meter_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
 
 
 def meter_level(left_light: Array, sensor: SensorSettings) -> float:
-    """The radiance that auto exposure maps to ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for a black
-    image.
+    """Find the radiance that auto exposure maps to ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for a
+    black image.
     """
     light = _clip_invalid_radiance(left_light)
     light = light[np.isfinite(light)]
@@ -85,8 +85,8 @@ def expose_level_s(level: float, rate: float, sensor: SensorSettings) -> float:
 
 
 def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -> list[str]:
-    """Sentences about an exposure: auto exposure reached a limit, or too many pixels are saturated. ``saturated`` is
-    the share of the left pixels at the converter's top.
+    """List sentences about an exposure: auto exposure reached a limit, or too many pixels are saturated. ``saturated``
+    is the share of the left pixels at the converter's top.
     """
     said = []
     if sensor.auto_exposure and seconds in (SHORTEST_S, LONGEST_S):
@@ -105,7 +105,9 @@ def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -
 
 
 def dark_current_e_s(sensor: SensorSettings) -> float:
-    """Dark current of a pixel at ``temperature_k``: it doubles every ``dark_doubling_k`` (EMVA 1288)."""
+    """Compute the dark current of a pixel at ``temperature_k``, in electrons per second. It doubles every
+    ``dark_doubling_k`` (EMVA 1288).
+    """
     steps = (float(sensor.temperature_k) - float(sensor.dark_reference_k)) / float(sensor.dark_doubling_k)
     return float(sensor.dark_current_e_s) * 2.0 ** min(steps, 100.0)
 
@@ -119,14 +121,14 @@ class FixedPattern:
 
 
 def find_stream(eye: str) -> int:
-    """The index of the random stream of an eye, or of another camera by its name."""
+    """Find the index of the random stream of an eye, or of another camera by its name."""
     if eye in _EYE_STREAMS:
         return _EYE_STREAMS[eye]
     return int.from_bytes(hashlib.sha256(eye.encode()).digest()[:8], "big")
 
 
 def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> FixedPattern:
-    """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
+    """Draw the fixed pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
     random = make_generator(seed, "sensor", find_stream(eye))
     prnu, dsnu = float(sensor.prnu), float(sensor.dsnu_e)
     response = np.maximum(1 + prnu * random.standard_normal(shape), 0.0) if prnu > 0 else 1.0
@@ -171,9 +173,9 @@ def collect_electrons(
 
 
 def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
-    """Electrons (H, W) after overflow along the columns. ``share`` of a pixel's electrons above ``full_well_e`` runs
-    over, half of it up and half down. It fills pixels on its way until it is used up or leaves the image; the rest is
-    drained.
+    """Return the electrons (H, W) after overflow along the columns. ``share`` of a pixel's electrons above
+    ``full_well_e`` runs over, half of it up and half down. It fills pixels on its way until it is used up or leaves the
+    image; the rest is drained.
     """
     excess = np.maximum(charge - full_well_e, 0.0) * (share / 2)
     result = np.minimum(charge, full_well_e)
@@ -189,7 +191,7 @@ def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
 
 
 def convert_to_digital(charge: Array, sensor: SensorSettings) -> Array:
-    """The converter's output, uint16 in the shape of ``charge`` (electrons): linear above the black level with
+    """Convert electrons to the converter's output, uint16 in the shape of ``charge``: linear above the black level with
     ``gain_dn_per_e``, rounded, and limited to the converter's range.
     """
     numbers = np.rint(charge * gain_dn_per_e(sensor) + black_dn(sensor))
@@ -205,5 +207,5 @@ def make_noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.r
 
 
 def _clip_invalid_radiance(radiance: Array) -> Array:
-    """Radiance with 0 in place of NaN and negative values, which are defects of a render."""
+    """Replace NaN and negative radiance, which are defects of a render, by 0."""
     return np.maximum(np.nan_to_num(np.asarray(radiance, np.float64), nan=0.0, posinf=np.inf), 0.0)

@@ -59,8 +59,8 @@ class StereoCamera:
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
-        """The rig of the ``rig`` settings, without calibrated eyes (see ``eyes.make_camera_with_eyes``). The sensor
-        width spans the image width; pixels are square.
+        """Make the rig of the ``rig`` settings, without calibrated eyes (see ``eyes.make_camera_with_eyes``). The
+        sensor width spans the image width, and pixels are square.
         """
         return cls(
             rig.width_px,
@@ -76,7 +76,7 @@ class StereoCamera:
 
     @property
     def focal_baseline_px_m(self) -> float:
-        """f·B in px·m: disparity (px) times planar depth (m)."""
+        """Disparity (px) times planar depth (m): f B in px·m."""
         return self.focal_px * self.baseline_m
 
     @property
@@ -95,7 +95,7 @@ class StereoCamera:
         return bool(self.toe_in_deg) or self.eyes is not None
 
     def sensor_px(self, eye: str) -> tuple[int, int]:
-        """Columns and rows of an eye's sensor."""
+        """Return the columns and rows of an eye's sensor."""
         own = self.own_eye(eye)
         return (self.width_px, self.height_px) if own is None else own.size_px
 
@@ -114,8 +114,9 @@ class StereoCamera:
         return self.rendered_px if self.panorama is None else (self.panorama.size_px,) * 2
 
     def eye_rotation(self, eye: str) -> Array:
-        """Rotation (3, 3) from the axes of the parallel rig to the axes of an eye, which may be
-        toed in or calibrated."""
+        """Return the rotation (3, 3) from the axes of the parallel rig to the axes of an eye, which may be toed in or
+        calibrated.
+        """
         own = self.own_eye(eye)
         if own is not None:
             return np.array(own.rotation)
@@ -125,24 +126,26 @@ class StereoCamera:
         )
 
     def cropped(self, image: Array) -> Array:
-        """A rendered image (H + 2 margins, W + 2 margins, ...) without its margins."""
+        """Return a rendered image (H + 2 margins, W + 2 margins, ...) without its margins."""
         return image[
             self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
         ]
 
     def disparity(self, depth_m: Array | np.floating[Any]) -> Array:
-        """Disparity in px of planar depths in metres; NaN (sky) stays NaN."""
+        """Compute the disparity in px of planar depths in metres; NaN (sky) stays NaN."""
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
 
     def depth(self, disparity_px: Array) -> Array:
-        """Planar depth in metres of disparities in px; NaN for disparities of no point in front of the camera."""
+        """Compute the planar depth in metres of disparities in px; NaN for disparities of no point in front of the
+        camera.
+        """
         reach = np.asarray(disparity_px, np.float64) + self.doffs_px
         with np.errstate(over="ignore", invalid="ignore"):
             ahead = reach > 0
             return np.where(ahead, self.focal_baseline_px_m / np.where(ahead, reach, 1.0), np.nan)
 
     def to_json(self) -> dict[str, Any]:
-        """The ``camera`` table of ``pair.json``."""
+        """Return the ``camera`` table of ``pair.json``."""
         return {
             "width_px": self.width_px,
             "height_px": self.height_px,
@@ -160,11 +163,13 @@ class StereoCamera:
         }
 
     def find_offset_m(self, eye: str) -> float:
-        """Distance in metres of an eye from the left eye, along its x."""
+        """Return the distance in metres of an eye from the left eye, along its x."""
         return 0.0 if eye == "left" else self.baseline_m
 
     def eyes_json(self) -> dict[str, Any]:
-        """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
+        """Return the calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, in
+        metres.
+        """
         found = {}
         for eye in ("left", "right"):
             rotation, along = self.eye_rotation(eye), self.find_offset_m(eye)
@@ -175,7 +180,7 @@ class StereoCamera:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StereoCamera:
-        """The camera of the ``camera`` table of ``pair.json``."""
+        """Read the camera of the ``camera`` table of ``pair.json``."""
         own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
         return cls(
             **{key: data[key] for key in own},

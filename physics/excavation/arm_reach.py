@@ -1,4 +1,4 @@
-"""Whether the lander's arm reaches the trench, and to where the trench could move if not."""
+"""Reach of the lander's arm: whether it reaches the trench, and a place in reach to which the trench can move."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ _PLACES_OF_PULL = 9
 _MOVE_STEP_M = 0.02
 #: Largest move in metres.
 _FARTHEST_MOVE_M = 3.0
-#: Directions in degrees in which a trench is moved, from the line away from the axis of the yaw or toward it.
+#: Directions from the yaw axis in which a trench is placed, in degrees from the direction of its present middle.
 _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
 def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
-    """Share of the blade's positions that the arm reaches with the scoop straight down, on pulls moved by ``east_m``
-    and ``north_m``. The ground is taken as level at height 0."""
+    """Compute the share of the blade's positions that the arm reaches with the scoop straight down, on pulls moved by
+    ``east_m`` and ``north_m``. The ground is assumed to be level at height 0.
+    """
     places = [
         (*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_sample_pull(pull), strict=True)
     ]
@@ -36,15 +37,16 @@ def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, nor
 
 
 def _sample_pull(pull: Pull) -> tuple[Array, Array]:
-    """Distances along a pull and the depths there, in metres."""
+    """Sample distances along a pull and the depths there, in metres."""
     along = np.linspace(pull.along_m[0], pull.along_m[-1], _PLACES_OF_PULL)
     return along, np.interp(along, pull.along_m, pull.depth_m)
 
 
 def advise_on_reach(settings: Settings) -> list[str]:
-    """A sentence if the lander's arm does not reach all of the trench on level ground, with a place that is in reach;
-    else an empty list. A user's arm has unknown reach, and a path of recorded joints is in reach. Raises IcyMoonError
-    for an excavation that cannot be dug."""
+    """Return a sentence, in a list, if the lander's arm does not reach all of the trench on level ground, with a place
+    in reach; else an empty list. Nothing is checked for a user's arm, whose reach is unknown, or for recorded joints.
+    Raises IcyMoonError for an excavation that cannot be dug.
+    """
     if (
         not is_dug(settings)
         or settings.excavation.path == JOINTS
@@ -67,7 +69,7 @@ def advise_on_reach(settings: Settings) -> list[str]:
 
 
 def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """Describe, as a clause, how to bring the trench into reach, with a move in metres if one suffices."""
+    """Describe, as a clause, how to bring the trench into reach, with a move in metres if one is enough."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"
@@ -80,8 +82,9 @@ def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
 
 
 def _find_move(arm: Arm, pulls: list[Pull]) -> tuple[float, float] | None:
-    """The shortest tried move (east, north), in whole centimetres, that brings all pulls into
-    reach; None without one."""
+    """Find the shortest tried move (east, north), in metres to whole centimetres, that brings all pulls into reach;
+    None without one.
+    """
     ends = np.array([pull.point(float(along), 0.0) for pull in pulls for along in pull.along_m[[0, -1]]])
     middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
     away = middle - arm.base[:2, 3]

@@ -11,8 +11,8 @@ from .dig_site import is_dug
 def jitter_rig(settings: Settings) -> RigSettings:
     """Add the random offsets of the excavation state to the rig of complete ``settings``.
 
-    Position on three axes, heading and pitch are normally distributed, with the standard deviations ``jitter_m`` and
-    ``jitter_deg``. The offsets depend only on the seed of the data set and the state.
+    Position on three axes, heading and pitch have normally distributed offsets, with the standard deviations
+    ``jitter_m`` and ``jitter_deg``. They depend only on the seed of the data set and the state.
     """
     excavation, rig = settings.excavation, settings.rig
     if not is_dug(settings) or (excavation.jitter_m == 0.0 and excavation.jitter_deg == 0.0):

@@ -1,15 +1,15 @@
 """Clods of many sizes on a heap of spoil: a few large and many small, as falling spoil breaks up.
 
-Each clod slides from where it fell over the bare heap, until friction stops it. Friction is lower for clods that are
-large among their neighbours: a large clod rolls over small ones as over a smooth floor, so large clods lie at the foot
-of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder Technology 36, 39, from memory). The
-distance does not depend on gravity, because both the driving force and friction are proportional to it. Sizes and
+Each clod slides over the bare heap from the place where it fell, until friction stops it. Friction is lower for clods
+that are large among their neighbours. A large clod rolls over small ones as over a smooth floor, so large clods lie at
+the foot of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder Technology 36, 39, from memory).
+The distance does not depend on gravity, because both the driving force and friction are proportional to it. Sizes and
 shapes are guesses.
 
 Sorted clods drop more often where spoil is thick, and roll one at a time, as stones do on a scree. Their friction falls
-with their width D over the grains d that they roll on, tan φ = tan φ0 + k d / D (Statham 1976, Earth Surface Processes
-1, 43; the law from memory, its numbers here are guesses). So fine spoil is left at the crest, and large clods lie at
-the foot, as in heaps of mixed grains (Makse et al. 1997, Nature 386, 379).
+with their width D over the width d of the grains on which they roll, tan φ = tan φ0 + k d / D (Statham 1976, Earth
+Surface Processes 1, 43; the law is from memory, its numbers here are guesses). So fine spoil is left at the crest, and
+large clods lie at the foot, as in heaps of mixed grains (Makse et al. 1997, Nature 386, 379).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _MAX_CLOD_SHARE = 0.5
 _LARGE_FRICTION = (0.35, 1.0)
 #: Friction of the smallest clods, which interlock, relative to spoil.
 _SMALL_FRICTION = 1.2
-#: Friction of very large sorted clods, and what is added for clods as wide as the grains under them, relative to spoil.
+#: Friction, relative to spoil, of very large sorted clods, and the addition for clods as wide as the grains under them.
 _ROLLING_FRICTION = (0.35, 0.9)
 #: Range of the factor on this friction, by the shapes of clods.
 _FRICTION_SCATTER = (0.85, 1.15)
@@ -51,9 +51,9 @@ _DROP_HEIGHT = 0.05
 _CREST_POWER = 0.5
 #: Area of all sorted clods relative to the area of the heap: spoil without clods is fine.
 _SORTED_SHARE = 1.4
-#: Factor on the friction of sorted clods on bare ground, where their fall is broken.
+#: Factor on the friction of sorted clods on bare ground, which brakes them.
 _GROUND_FRICTION = 4.0
-#: Share of sorted clods that roll on without it.
+#: Share of sorted clods that roll on without this factor.
 _OUTLIERS = 0.15
 #: Maximum number of steps of a slide. A step is at most one cell.
 _MAX_SLIDE_STEPS = 600
@@ -83,9 +83,12 @@ def add_clods(
     sorting: float = 0.0,
     thinnest_m: float = 0.0,
 ) -> Array:
-    """Thickness (rows, columns) in metres of spoil with clods of up to ``largest_m``; its sum is the sum of
-    ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods. ``sorting`` from 0 to 1 is the share
-    of the clods that rolled down the heap. No clod drops on spoil up to ``thinnest_m`` thick, which is dust."""
+    """Add clods of up to ``largest_m`` to spoil. Return its thickness (rows, columns) in metres, with the sum of
+    ``spoil_m``.
+
+    One factor lowers all bare spoil to make up for the clods. ``sorting`` from 0 to 1 is the share of the clods that
+    rolled down the heap. No clod drops on spoil up to ``thinnest_m`` thick, which is dust.
+    """
     total = float(spoil_m.sum())
     if largest_m <= 0.0 or float(spoil_m.max()) <= thinnest_m:
         return spoil_m
@@ -107,8 +110,9 @@ def place_clods(
     sorting: float = 0.0,
     thinnest_m: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Rows and columns (n, 2) where clods come to rest that dropped on spoil thicker than ``thinnest_m``, and their
-    widths (n,) in metres, smallest first."""
+    """Drop clods on spoil thicker than ``thinnest_m``. Return the rows and columns (n, 2) where they come to rest, and
+    their widths (n,) in metres, smallest first.
+    """
     on = np.flatnonzero(spoil_m > thinnest_m)
     most = min(largest_m, _WIDTH_OVER_THICKNESS * float(spoil_m.max()))
     covered = _COVERED_SHARE + sorting * (_SORTED_SHARE - _COVERED_SHARE)
@@ -132,34 +136,35 @@ def place_clods(
 
 
 def _find_cells(numbers: Array, grid: ExcavationGrid) -> Array:
-    """Rows and columns (n, 2) of cells by their numbers."""
+    """Find the rows and columns (n, 2) of cells from their flat indices (n,)."""
     return np.stack(np.divmod(numbers, grid.columns), axis=1).astype(np.float64)
 
 
 def find_least_width_m(cell_m: float, largest_m: float) -> float:
-    """Width in metres of the smallest clod, where the largest is ``largest_m`` wide."""
+    """Return the width in metres of the smallest clod, if the largest is ``largest_m`` wide."""
     return max(_SMALLEST_CELLS * cell_m, largest_m / _WIDTH_RATIO)
 
 
 def _draw_widths(
     cell_m: float, cells: int, largest_m: float, random: np.random.Generator, covered: float = _COVERED_SHARE
 ) -> Array:
-    """Widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil, whose area is ``covered`` times
-    as large as the area of these cells."""
+    """Draw the widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil. The clods' area is
+    ``covered`` times the area of these cells.
+    """
     least = find_least_width_m(cell_m, largest_m)
     most = max(largest_m, least)
     ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
-    mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
+    mean_square = float(np.mean(_compute_clod_widths(np.linspace(0.0, 1.0, 1001), ends) ** 2))
     count = min(math.ceil(covered * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MAX_CLODS)
-    return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
+    return np.sort(_compute_clod_widths(random.uniform(0.0, 1.0, count), ends))
 
 
-def _clod_width(share: Array, ends: tuple[float, float]) -> Array:
+def _compute_clod_widths(share: Array, ends: tuple[float, float]) -> Array:
     return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _SIZE_EXPONENT)
 
 
 def _draw_friction(width: Array, random: np.random.Generator) -> Array:
-    """Friction (n,) of clods relative to spoil."""
+    """Draw the friction (n,) of clods relative to spoil."""
     span = math.log(float(width[-1] / width[0])) or 1.0
     return _SMALL_FRICTION - np.log(width / width[0]) / span * (
         _SMALL_FRICTION - random.uniform(*_LARGE_FRICTION, len(width))
@@ -167,7 +172,7 @@ def _draw_friction(width: Array, random: np.random.Generator) -> Array:
 
 
 def _draw_rolling_friction(width: Array, random: np.random.Generator) -> Array:
-    """Friction (n,) relative to spoil of clods that roll over clods of the median width."""
+    """Draw the friction (n,), relative to spoil, of clods that roll over clods of the median width."""
     least, more = _ROLLING_FRICTION
     return np.asarray((least + more * float(np.median(width)) / width) * random.uniform(*_FRICTION_SCATTER, len(width)))
 
@@ -182,8 +187,8 @@ def _slide_clods(
     """Find the rows and columns (n, 2) at which clods that start at ``place`` come to rest.
 
     ``top`` is heights in cells. A clod is a point mass that its slope accelerates and friction slows; it stops at the
-    rim of the grid. ``speed`` (n, 2) is its speed at first, of which half the square is a height in cells.
-    ``elsewhere`` are boolean cells with another friction, and this friction (n,).
+    rim of the grid. ``speed`` (n, 2) is its first speed; half of its square is a height in cells. ``elsewhere`` is a
+    boolean mask of cells with another friction, and this friction (n,).
     """
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0
@@ -203,7 +208,9 @@ def _slide_clods(
 
 
 def _raise_clods(top: Array, place: Array, width: Array, cell_m: float, random: np.random.Generator) -> Array:
-    """Heights (rows, columns) of ground with clods on it. Each clod is a convex body of plane faces, partly buried."""
+    """Return the heights (rows, columns) of ground with clods on it. Each clod is a convex body with plane faces,
+    partly buried.
+    """
     count, sides = len(width), (len(width), _CLOD_SIDES)
     turn = (
         2.0

@@ -1,4 +1,4 @@
-"""The states of an excavation, one after the other, with every cubic metre and kilogram accounted for."""
+"""The states of an excavation, one after the other; every cubic metre and kilogram is accounted for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .dust_apron import spread_dust
 from .scoop_cut import Pull, fit_plane, measure_cut_depth_m
 from .wall_slump import find_failed_m, make_strength
 
-#: Wavelength of each noise of the clods, over their height, and the noise's share of the height.
+#: Wavelength of each noise of the clods over the height of the clods, and the noise's share of this height.
 _CLOD_NOISE = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
 #: Wavelength of the unevenness of a heap, over the height of the clods.
 _LUMP_WAVELENGTH = 14.0
@@ -40,9 +40,10 @@ _CHIP_SLOPE = 1.5
 @dataclass(frozen=True)
 class DugState:
     """The ground after a step of the excavation, and the effects of the step: volumes in m³ of undisturbed ground,
-    masses in kg. ``chipped_m3`` broke off standing rims; ``slid_m3`` of ground slid because its walls did not stand, or
-    parts of them. ``kept_kg`` was not dropped on the heap. ``stood`` is true if the walls stood, ``rests`` if all loose
-    material came to rest."""
+    masses in kg. ``chipped_m3`` broke off standing rims, and ``slid_m3`` of ground slid because walls, or parts of
+    them, did not stand. ``kept_kg`` was not dropped on the heap. ``stood`` is true if the walls stood, ``rests`` if all
+    loose material came to rest.
+    """
 
     layers: GroundLayers
     taken_m3: float
@@ -56,9 +57,10 @@ class DugState:
 
 @dataclass
 class ExcavationSeries:
-    """The states of an excavation that have been dug so far; the first is the untouched ground. ``level_m`` is the
-    reference height of depths if the arm's joints give the path. ``bare`` are the layers of each state without clods,
-    from which the next state is dug."""
+    """All states of an excavation that have been dug; the first is the untouched ground. ``level_m`` is the reference
+    height of depths if the arm's joints give the path. ``bare`` are the layers of each state without clods, from which
+    the next state is dug.
+    """
 
     site: ExcavationSite
     excavation: ExcavationSettings
@@ -117,8 +119,9 @@ class ExcavationSeries:
         return bool(self.excavation.clod_sizes == "MANY")
 
     def _make_lumps_m(self) -> Array:
-        """Unevenness (rows, columns) in metres of the heap, for ``SpoilHeap.thickness``; its wavelength is several
-        clods."""
+        """Make the unevenness (rows, columns) in metres of the heap, for ``SpoilHeap.thickness``. Its wavelength is
+        several clods.
+        """
         size, key = float(self.excavation.clods_m), int(make_generator(self.seed, "terrain", 8).integers(0, 2**32))
         size *= _UNEVENNESS_OF_MANY if self.has_many_sizes else 1.0
         if size == 0.0:
@@ -128,7 +131,9 @@ class ExcavationSeries:
         return _LUMP_HEIGHT * size * np.asarray(gradient_noise(east, north, key))
 
     def _add_clods(self, layers: GroundLayers) -> GroundLayers:
-        """The layers with clods on their spoil, whose mass stays. Clods on thin spoil are as low as the spoil."""
+        """Add clods to the spoil of layers; the mass of the spoil is kept. Clods on thin spoil are as low as the
+        spoil.
+        """
         size, total = float(self.excavation.clods_m), float(layers.spoil.sum())
         if size == 0.0 or total == 0.0:
             return layers
@@ -146,7 +151,9 @@ class ExcavationSeries:
         return GroundLayers(layers.ground, spoil * (total / float(spoil.sum())))
 
     def _make_clods(self, layers: GroundLayers, largest_m: float) -> Array:
-        """Thickness (rows, columns) in metres of spoil with clods of many sizes; none drops on dust beyond the heap."""
+        """Return the thickness (rows, columns) in metres of spoil with clods of many sizes; none drops on dust beyond
+        the heap.
+        """
         dusty = self.excavation.dust_share > 0.0
         return add_clods(
             self.site.grid,
@@ -160,9 +167,10 @@ class ExcavationSeries:
         )
 
     def _find_sliding_area(self, number: int, lowest_m: float) -> Array:
-        """Boolean (rows, columns): cells where ground may slide, out to where a slope from the lowest floor reaches
-        level ground. Without this limit a slide on a slope near the angle of friction would climb without end, over
-        ground that stood before."""
+        """Find the cells where ground may slide, bool (rows, columns): out to where a slope from the lowest floor
+        reaches level ground. Without this limit a slide on a slope near the angle of friction would climb without end,
+        over ground that stood before.
+        """
         reach = lowest_m / math.tan(math.radians(self.excavation.friction_deg))
         near = np.zeros(self.before_m.shape, bool)
         for pull in (pull for each in self.site.pulls[:number] for pull in each):
@@ -172,15 +180,19 @@ class ExcavationSeries:
 
     @property
     def plane(self) -> Array:
-        """The plane (3,) from which depths count: of the untouched ground, see ``scoop_cut.fit_plane``, or level."""
+        """The plane (3,) from which depths count: the plane of the untouched ground, see ``scoop_cut.fit_plane``, or a
+        level one.
+        """
         if self.level_m is not None:
             return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
     def _cut_depth_m(self, layers: GroundLayers, number: int) -> Array:
-        """Depth (rows, columns) in metres that the blade removes in a state. While walls stand, a partly cut cell keeps
-        its uncut part, and later bites at the same cell leave that part. Once walls have slid, parts of cells are
-        unknown."""
+        """Compute the depth (rows, columns) in metres that the blade removes in a state.
+
+        While walls stand, a partly cut cell keeps its uncut part, and later bites at the same cell leave that part.
+        Once walls have slid, parts of cells are unknown.
+        """
         pulls, top = self.site.pulls[:number], layers.top
         if not self.states[-1].stood:
             return measure_cut_depth_m(self.site.grid, top, self.plane, pulls[-1])
@@ -190,8 +202,9 @@ class ExcavationSeries:
         return np.where(left < self.before_m, np.maximum(top - left, 0.0), 0.0)
 
     def _take_off(self, layers: GroundLayers, cut: Array) -> tuple[float, float]:
-        """Remove a depth (rows, columns) in metres from the surface, in place, spoil first. Returns volume in m³ and
-        mass in kg."""
+        """Remove a depth (rows, columns) in metres from the surface, in place, spoil first. Return the volume in m³ and
+        the mass in kg.
+        """
         area = self.site.grid.cell_m**2
         loose = np.minimum(cut, layers.spoil)
         layers.spoil -= loose
@@ -200,7 +213,7 @@ class ExcavationSeries:
         return spoil + solid, spoil * self.spoil_kg_m3 + solid * self.excavation.density_kg_m3
 
     def _chip_rims(self, layers: GroundLayers, pulls: tuple[Pull, ...]) -> Array:
-        """Depth (rows, columns) in metres that breaks off the rims of standing walls."""
+        """Return the depth (rows, columns) in metres of the material that breaks off the rims of standing walls."""
         most = float(self.excavation.chips_m)
         chipped = np.zeros_like(self.before_m)
         if most <= 0:
@@ -219,7 +232,7 @@ class ExcavationSeries:
         return np.maximum(layers.ground - (self.before_m - chipped), 0.0)
 
     def _break_walls(self, layers: GroundLayers, number: int) -> None:
-        """Turn ground of walls that is too weak to stand into spoil, in place."""
+        """Turn the ground of walls that are too weak to stand into spoil, in place."""
         weakening = float(self.excavation.slump)
         if weakening == 0.0 or self.site.deepest_m <= (1.0 - weakening) * self.site.stands_m:
             return
@@ -244,8 +257,9 @@ class ExcavationSeries:
             layers.spoil += spread_dust(self.site.grid, landed, float(self.excavation.drop_m))
 
     def _grow_heap(self, number: int, volume_m3: float, share: float, lumps_m: Array) -> Array:
-        """Thickness (rows, columns) in metres by which a heap of this share of all spoil, with the unevenness
-        ``lumps_m``, grows from a volume of spoil."""
+        """Return the thickness (rows, columns) in metres by which a heap grows from a volume of spoil. The heap gets
+        this share of all spoil and has the unevenness ``lumps_m``.
+        """
         grid, before = self.site.grid, self.measure_heaped_m3(number - 1)
         crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         volumes = (share * before, share * (before + volume_m3))
@@ -254,14 +268,16 @@ class ExcavationSeries:
         return np.asarray(more * (share * volume_m3 / (float(more.sum()) * grid.cell_m**2)))
 
     def measure_heaped_m3(self, state: int) -> float:
-        """Volume of the spoil that was dropped on the heap up to a state."""
+        """Sum the volume in m³ of the spoil that was dropped on the heap up to a state."""
         chips = sum(each.chipped_m3 for each in self.states[1 : state + 1]) * self.excavation.bulking
         return chips + sum(each.taken_kg for each in self.states[1 : state + 1]) * (
             self.excavation.heaped_share / self.spoil_kg_m3
         )
 
     def mass_error(self, state: int) -> float:
-        """Mass gained or lost by rounding up to a state, relative to the mass that was dug; 0 if nothing was dug."""
+        """Compute the mass gained or lost by rounding up to a state, relative to the mass that was dug; in kg if
+        nothing was dug.
+        """
         area, at = self.site.grid.cell_m**2, self.at(state)
         states = self.states[1 : state + 1]
         lost = float((self.before_m - at.layers.ground).sum()) * area * self.excavation.density_kg_m3
@@ -270,7 +286,7 @@ class ExcavationSeries:
         return abs(lost - found) / dug if dug > 0 else abs(lost - found)
 
     def facts(self, state: int) -> dict[str, Any]:
-        """The facts of an excavation in a state for ``pair.json``, in metres, cubic metres and kilograms."""
+        """Describe an excavation in a state for ``pair.json``, in metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
         done, area = self.states[1 : state + 1], self.site.grid.cell_m**2
         change = [each.layers.top - self.before_m for each in self.states[: state + 1]]
@@ -301,7 +317,9 @@ class ExcavationSeries:
         }
 
     def advice(self, state: int) -> list[str]:
-        """Sentences about faults that show only after digging: no cut, spoil at the rim, ground still sliding."""
+        """List sentences about faults that show only after digging: no cut, spoil at the rim, and ground that still
+        slides.
+        """
         at, said = self.at(state), []
         wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
         if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[: state + 1]):

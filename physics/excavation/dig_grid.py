@@ -13,7 +13,8 @@ from ...support.arrays import Array
 @dataclass(frozen=True)
 class ExcavationGrid:
     """Vertices ``cell_m`` apart: ``columns`` from ``x_m`` eastward, ``rows`` from ``y_m`` northward. A cell is the
-    square round a vertex."""
+    square around a vertex.
+    """
 
     x_m: float
     y_m: float
@@ -23,17 +24,17 @@ class ExcavationGrid:
 
     @property
     def east_m(self) -> Array:
-        """East coordinates (columns,), as single precision stores them."""
+        """East coordinates (columns,) in metres, rounded to single precision."""
         return (self.x_m + self.cell_m * np.arange(self.columns)).astype(np.float32).astype(np.float64)
 
     @property
     def north_m(self) -> Array:
-        """North coordinates (rows,), as single precision stores them."""
+        """North coordinates (rows,) in metres, rounded to single precision."""
         return (self.y_m + self.cell_m * np.arange(self.rows)).astype(np.float32).astype(np.float64)
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
-        """West, south, east and north end in metres."""
+        """West, south, east and north limits in metres."""
         return (
             self.x_m,
             self.y_m,
@@ -42,7 +43,7 @@ class ExcavationGrid:
         )
 
     def window(self, west: float, south: float, east: float, north: float) -> tuple[slice, slice]:
-        """Rows and columns of the vertices in a rectangle, and one more on each side."""
+        """Find the rows and columns of the vertices in a rectangle, with one more on each side."""
         columns, rows = (
             slice(
                 max(math.floor((low - first) / self.cell_m) - 1, 0),
@@ -53,11 +54,13 @@ class ExcavationGrid:
         return rows, columns
 
     def points(self, window: tuple[slice, slice]) -> tuple[Array, Array]:
-        """East (1, columns) and north (rows, 1) coordinates of the vertices in a window."""
+        """Return the east (1, columns) and north (rows, 1) coordinates of the vertices in a window, in metres."""
         return self.east_m[None, window[1]], self.north_m[window[0], None]
 
     def interpolate(self, values: Array, x_m: Array, y_m: Array, outside: Array) -> Array:
-        """Bilinear values at points, from ``values`` (rows, columns); beyond the grid, the values ``outside``."""
+        """Interpolate ``values`` (rows, columns) bilinearly at points; beyond the grid, return the values
+        ``outside``.
+        """
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
         inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)
         i, j = (
@@ -72,8 +75,9 @@ class ExcavationGrid:
 
 
 def make_covering_grid(west: float, south: float, east: float, north: float, cell_m: float) -> ExcavationGrid:
-    """The smallest grid over a rectangle whose cells end at multiples of their side. Vertices are half a cell off these
-    multiples, so that the edges of a blade along an axis often lie between cells."""
+    """Make the smallest grid over a rectangle whose cells end at multiples of their side. Vertices are half a cell off
+    these multiples, so that the edges of a blade along an axis often lie between cells.
+    """
     first = [math.floor(round(low / cell_m - 0.5, 6)) for low in (west, south)]
     last = [math.ceil(round(high / cell_m - 0.5, 6)) for high in (east, north)]
     columns, rows = (b - a + 1 for a, b in zip(first, last, strict=True))

@@ -1,4 +1,4 @@
-"""Where ground is dug: the grid that holds trench and heap in every state, refusals and advice."""
+"""The site of an excavation: the grid that holds trench and heap in every state, refusals and advice."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ MAX_GRID_SIDE = 1500
 _MARGIN_M = 0.03
 #: and in cells.
 _MARGIN_CELLS = 4
-#: Least width of a blade in cells; a narrower one digs a crude trench.
+#: Least width of a blade in cells; a narrower blade digs a crude trench.
 _FEWEST_CELLS_ACROSS = 8
-#: Least distance in cells of the grooves of two teeth.
+#: Least distance in cells between the grooves of two teeth.
 _FEWEST_CELLS_PER_GROOVE = 4
 
 
 def is_dug(settings: Settings) -> bool:
-    """Whether the ground has an excavation, even if this state is the untouched ground."""
+    """Return whether the ground has an excavation, even if this state is the untouched ground."""
     return settings.excavation.path != NONE
 
 
 def gravity_m_s2(settings: Settings) -> float:
-    """Return gravity in m/s² from the settings, or of their moon. Raises IcyMoonError if it is unknown."""
+    """Return gravity in m/s² from the settings, else from their moon. Raises IcyMoonError if it is unknown."""
     return find_gravity_m_s2(
         float(settings.excavation.gravity_m_s2), str(settings.light.body), "excavation.gravity_m_s2"
     )
@@ -49,9 +49,10 @@ def gravity_m_s2(settings: Settings) -> float:
 
 @dataclass(frozen=True)
 class ExcavationSite:
-    """The pulls of each state after the first, the heap, the grid, and the greatest height of a standing wall.
-    ``trench_m`` is the west, south, east and north end of the trench in its last state. ``deepest_m`` is the greatest
-    depth in metres of the blade below the untouched ground."""
+    """The pulls of each state after the first, the heap, the grid, and the greatest height ``stands_m`` of a standing
+    wall. ``trench_m`` are the west, south, east and north limits of the trench in its last state. ``deepest_m`` is the
+    greatest depth in metres of the blade below the untouched ground.
+    """
 
     pulls: tuple[tuple[Pull, ...], ...]
     heap: SpoilHeap
@@ -62,7 +63,7 @@ class ExcavationSite:
 
 
 def make_site(settings: Settings) -> ExcavationSite:
-    """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
+    """Make the site of complete ``settings`` that are ``is_dug``; it is the same for all states of an excavation.
 
     Raises IcyMoonError for an excavation that cannot be dug.
     """
@@ -110,7 +111,9 @@ _SITE_SETTINGS = (
 
 
 def _file_state(file: str, setting: str) -> tuple[int, int] | None:
-    """Size and modification time of a setting's file, which the user may edit; None if it cannot be read."""
+    """Return the size and the modification time of a setting's file, which the user may edit; None if it cannot be
+    read.
+    """
     try:
         there = absolute_path(file, setting).stat()
     except OSError:
@@ -120,8 +123,9 @@ def _file_state(file: str, setting: str) -> tuple[int, int] | None:
 
 @functools.lru_cache(maxsize=4)
 def _make_joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> ExcavationSite:
-    """Make the site of recorded joints. It depends on the arm and the ground, so ``key`` is JSON of all settings except
-    the number of the excavation state."""
+    """Make the site of recorded joints. It depends on the arm and the ground, so ``key`` is JSON of all settings, with
+    the excavation state set to 0.
+    """
     settings = typed(json.loads(key))
     found, deepest = make_joint_pulls(settings)
     return _lay_out_site(
@@ -134,7 +138,7 @@ def _make_path_site(key: str, gravity: float, _state: tuple[int, int] | None) ->
     excavation = ExcavationSettings.from_values(json.loads(key))
     pulls = tuple(map(tuple, make_pulls(excavation)))
     every = [pull for each in pulls for pull in each]
-    if not every:  # one state only: where the first bite would be
+    if not every:  # one state only: lay the site out for the first bite
         every = [pull for each in make_pulls(excavation | {"states": 2}) for pull in each]
     deepest = max((float(pull.depth_m.max()) for pull in every), default=0.0)
     return _lay_out_site(excavation, pulls, every, deepest, gravity)
@@ -147,7 +151,9 @@ def _lay_out_site(
     deepest: float,
     gravity: float,
 ) -> ExcavationSite:
-    """The site of pulls. ``every`` are the pulls that decide its size; ``deepest`` is metres below the ground."""
+    """Make the site of pulls. ``every`` are the pulls that decide its size; ``deepest`` is in metres below the
+    ground.
+    """
     _refuse_narrow_blade(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
@@ -188,7 +194,7 @@ def _mark(pulls: tuple[Pull, ...], marks: ScoopMarks | None) -> tuple[Pull, ...]
 
 
 def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
-    """Raise IcyMoonError for a blade or a line that is shorter than a cell of the grid."""
+    """Raise IcyMoonError if the blade, or the line that it digs, is shorter than a cell of the grid."""
     cell = float(excavation.cell_m)
     if excavation.width_m < cell:
         raise IcyMoonError(
@@ -206,8 +212,9 @@ def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
 def _place_heap(
     excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
 ) -> tuple[SpoilHeap, float]:
-    """Place the heap so that its foot in the last state has the gap of the settings to the trench; add its reach in
-    m."""
+    """Place the heap so that its foot in the last state is as far from the trench as the settings ask. Return the heap,
+    and its reach in metres.
+    """
     first = pulls[0]
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
     start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)
@@ -215,7 +222,7 @@ def _place_heap(
     length = (end - start) if excavation.path in (RECORDED, JOINTS) else float(excavation.length_m)
     low, high = (start, end) if excavation.path in (RECORDED, JOINTS) else (0.0, length)
     area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
-    # Dust counts too: what does not fly far lies on the heap.
+    # Dust counts too, because most of it lands on the heap.
     volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
     height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
     foot = height / math.tan(math.radians(excavation.friction_deg))
@@ -227,7 +234,7 @@ def _place_heap(
 
 
 def find_refusals(settings: Settings) -> list[str]:
-    """A sentence for each reason why an excavation cannot be dug; empty without an excavation."""
+    """List a sentence for each reason why an excavation cannot be dug; empty without an excavation."""
     if not is_dug(settings):
         return []
     excavation = settings.excavation
@@ -259,7 +266,7 @@ def find_refusals(settings: Settings) -> list[str]:
 
 
 def advise_on_excavation(settings: Settings) -> list[str]:
-    """Sentences about an excavation that can be dug but may not be as the user expects."""
+    """List sentences about an excavation that can be dug but may not be as the user expects."""
     if not is_dug(settings) or find_refusals(settings):
         return []
     excavation, site, said = settings.excavation, make_site(settings), []
@@ -286,19 +293,19 @@ def advise_on_excavation(settings: Settings) -> list[str]:
     west, south, east, north = site.grid.bounds_m
     if west < x < east and south < y < north:
         said.append(
-            "Trench or heap are under the camera, which stays as high as over the untouched ground; move "
+            "The trench or the heap is under the camera, which keeps its height above the untouched ground; change "
             "excavation.start_x_m or excavation.start_y_m."
         )
     if settings.rocks.coverage > 0:
         said.append(
-            "Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
-            "no other; others stay where they lay, as does what spoil falls on."
+            "Rocks in the trench are not taken away. A rock that loses its support rolls to rest in the trench and "
+            "pushes no other rock. Other rocks stay where they lay, also under spoil."
         )
     return said
 
 
 def _advise_on_cells(excavation: ExcavationSettings) -> list[str]:
-    """Sentences about cells that are too large for the blade or its teeth."""
+    """List sentences about cells that are too large for the blade or its teeth."""
     said = []
     if excavation.width_m < _FEWEST_CELLS_ACROSS * excavation.cell_m:
         said.append(

@@ -1,4 +1,4 @@
-"""The heap of spoil beside a trench: a ridge with round ends whose flanks have the angle of repose."""
+"""The heap of spoil beside a trench: a ridge with round ends, whose flanks have the angle of repose."""
 
 from __future__ import annotations
 
@@ -12,15 +12,20 @@ from .dig_grid import ExcavationGrid
 
 
 def cone_size_m(volume_m3: float, repose_deg: float) -> tuple[float, float]:
-    """Height and radius in metres of a cone of this volume whose slope is the angle of repose: R³ = 3 V / (π tan φ)."""
+    """Compute the height and the radius in metres of a cone of this volume whose slope is the angle of repose.
+
+    The radius follows from R³ = 3 V / (π tan φ).
+    """
     slope = math.tan(math.radians(repose_deg))
     radius = (3.0 * volume_m3 / (math.pi * slope)) ** (1.0 / 3.0)
     return radius * slope, radius
 
 
 def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> float:
-    """Height in metres of a ridge whose crest has this length, with half a cone at each end. It is the positive root of
-    V = L h² / tan φ + π h³ / (3 tan² φ), found by bisection."""
+    """Compute the height in metres of a ridge whose crest has this length, with half a cone at each end.
+
+    It is the positive root of V = L h² / tan φ + π h³ / (3 tan² φ), found by bisection.
+    """
     slope = math.tan(math.radians(repose_deg))
     low, high = 0.0, cone_size_m(volume_m3, repose_deg)[0]
     for _ in range(60):
@@ -43,23 +48,24 @@ class SpoilHeap:
         return math.dist(self.start_m, self.end_m)
 
     def thickness(self, grid: ExcavationGrid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:
-        """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact. ``lumps_m``
-        (rows, columns) is added to the distance of each cell from the line, which makes the heap uneven. Within
-        ``crest_m`` of the line the crest is round."""
+        """Compute the thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
+        ``lumps_m`` (rows, columns) is added to the distance of each cell from the line, which makes the heap uneven.
+        Within ``crest_m`` of the line the crest is round.
+        """
         if volume_m3 <= 0.0:
             return np.zeros((grid.rows, grid.columns))
         height = ridge_height_m(volume_m3, self.length_m, self.repose_deg)
         distance = np.hypot(self._distance_to_line(grid), crest_m) - crest_m + lumps_m
         shape = np.maximum(height - math.tan(math.radians(self.repose_deg)) * distance, 0.0)
         total = float(shape.sum()) * grid.cell_m**2
-        if total <= 0.0:  # less than a cell holds
+        if total <= 0.0:  # a heap smaller than a cell
             shape = np.zeros_like(shape)
             shape.flat[int(np.argmin(distance))] = 1.0
             total = grid.cell_m**2
         return shape * (volume_m3 / total)
 
     def _distance_to_line(self, grid: ExcavationGrid) -> Array:
-        """Distance (rows, columns) in metres of the cells from the line."""
+        """Compute the distance (rows, columns) in metres of the cells from the line."""
         x, y = grid.east_m[None, :] - self.start_m[0], grid.north_m[:, None] - self.start_m[1]
         east, north = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
         share = np.clip((x * east + y * north) / max(east**2 + north**2, 1e-30), 0.0, 1.0)

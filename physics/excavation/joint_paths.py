@@ -31,9 +31,10 @@ _NEAR_GROUND_M = 0.02
 
 
 def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
-    """The pulls of each state after the first, with depths below the level of the ground under the left camera, and the
-    greatest depth in metres of the blade below the untouched ground. Raises IcyMoonError, with the line, for lines that
-    cannot be read and for joints beyond their limits."""
+    """Make the pulls of each state after the first, with depths below the level of the ground under the left camera.
+    Also return the greatest depth in metres of the blade below the untouched ground. Raises IcyMoonError, with the
+    line, for lines that cannot be read and for joints beyond their limits.
+    """
     path = absolute_path(settings.excavation.file, "excavation.file")
     arm = make_arm(settings)
     own = load_users_arm(settings) if is_users_arm(settings) else None
@@ -57,8 +58,11 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
 
 
 def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[list[Pull]], float]:
-    """Keep the pulls that come near the untouched ground; add the blade's greatest depth below it in metres. On its way
-    to the trench the scoop digs nothing, and the fine mesh need not be there. If no pull comes near, all are kept."""
+    """Keep the pulls that come near the untouched ground, or all pulls if none does. Also return the blade's greatest
+    depth in metres below that ground.
+
+    On its way to the trench the scoop digs nothing, so the fine mesh need not reach there.
+    """
     ground, rig = make_rocky_ground(settings), settings.rig
     level = float(ground.heights(np.array([rig.x_m]), np.array([rig.y_m]))[0])
 
@@ -72,7 +76,7 @@ def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[
 
 
 def _read_joints(path: Path, arm: Arm, own: UrdfArm | None) -> Array:
-    """State and values of the moving joints (n, 1 + joints), in radians or metres."""
+    """Read the state and the values of the moving joints (n, 1 + joints), in radians or metres."""
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
     rows = []
@@ -106,7 +110,7 @@ def _describe_limit(joint: Joint, value: float) -> str:
 
 
 def _interpolate_poses(rows: Array) -> Array:
-    """The joints (k, joints) of recorded poses (n, joints), with poses in steps of a degree between them."""
+    """Return the joints (k, joints) of recorded poses (n, joints), with poses in steps of a degree between them."""
     steps = [rows[:1]]
     for a, b in itertools.pairwise(rows):
         count = max(1, math.ceil(float(np.degrees(np.abs(b - a)).max()) / _JOINT_STEP_DEG))
@@ -115,6 +119,6 @@ def _interpolate_poses(rows: Array) -> Array:
 
 
 def _find_tip_places(arm: Arm, own: UrdfArm | None, poses: Array) -> list[Array]:
-    """East, north and depth (3,) in metres of the tip in each of the poses."""
+    """Find the east, north and depth (3,) in metres of the tip in each pose."""
     tips = [find_tip(arm, values if own is None else own.values(values)) for values in poses]
     return [tip * (1.0, 1.0, -1.0) for tip in tips]

@@ -17,16 +17,19 @@ from ...support.arrays import Array, Numbers
 from .dig_grid import ExcavationGrid
 from .scoop_marks import ScoopMarks
 
-#: Points in a cell along each axis.
+#: Number of points in a cell along each axis.
 SUBSAMPLES = 4
 
 
 @dataclass(frozen=True)
 class Pull:
-    """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
-    ``along_m`` (n,), increasing, are distances along the pull. ``depth_m`` (n,) are depths of the edge there, below the
-    plane of the untouched ground. With ``from_deg`` the blade first rotates about its middle from that heading. With
-    ``marks`` the edge leaves grooves and steps about these depths."""
+    """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading in degrees, clockwise from
+    north.
+
+    ``along_m`` (n,), increasing, are distances along the pull. ``depth_m`` (n,) are depths of the blade's edge there,
+    below the plane of the untouched ground. With ``from_deg`` the blade first rotates about its middle from that
+    heading. With ``marks`` the edge leaves grooves and steps about these depths.
+    """
 
     x_m: float
     y_m: float
@@ -38,18 +41,18 @@ class Pull:
     marks: ScoopMarks | None = None
 
     def place(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
-        """Distances along the pull and to its right, in metres."""
+        """Return the distances of points along the pull and to its right, in metres."""
         east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
         x, y = np.asarray(x_m) - self.x_m, np.asarray(y_m) - self.y_m
         return x * east + y * north, x * north - y * east
 
     def point(self, along_m: float, right_m: float) -> tuple[float, float]:
-        """East and north coordinates in metres of a point on the pull, the inverse of ``place``."""
+        """Return the east and north coordinates in metres of a point on the pull, the inverse of ``place``."""
         east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
         return self.x_m + along_m * east + right_m * north, self.y_m + along_m * north - right_m * east
 
     def bounds_m(self, margin_m: float = 0.0) -> tuple[float, float, float, float]:
-        """West, south, east and north end of the ground that the blade passes over, with a margin."""
+        """Return the west, south, east and north limits of the ground that the blade passes over, with a margin."""
         half = self.width_m / 2 + margin_m
         corners = [
             self.point(along, right)
@@ -62,7 +65,7 @@ class Pull:
         return min(x), min(y), max(x), max(y)
 
     def find_depth_at(self, x_m: Array, y_m: Array) -> Array:
-        """Depth in metres of the blade's edge at points on its path; -inf at other points."""
+        """Find the depth in metres of the blade's edge at points on its path; -inf at other points."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
         if self.from_deg is not None:  # the sector outside a bend, which two pulls leave out
@@ -75,8 +78,8 @@ class Pull:
         return np.where(over, depth, -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Distance in metres of points from the blade's path (0 on the path), and the depth at the nearest point of the
-        path.
+        """Find the distance in metres of points from the blade's path (0 on the path), and the depth at the nearest
+        point of the path.
         """
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
@@ -85,15 +88,16 @@ class Pull:
 
 
 def find_bounds_m(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
-    """West, south, east and north end in metres of the ground that all pulls pass over, with a margin."""
+    """Find the west, south, east and north limits in metres of the ground that all pulls pass over, with a margin."""
     ends = np.array([pull.bounds_m(margin_m) for pull in pulls])
     low, high = ends.min(axis=0), ends.max(axis=0)
     return float(low[0]), float(low[1]), float(high[2]), float(high[3])
 
 
 def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Array:
-    """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over. If that
-    ground is less than three cells wide, the plane is level."""
+    """Fit the plane (3,), height = a + b east + c north, to the ground that the pulls pass over, by least squares. If
+    that ground is less than three cells wide, the plane is level.
+    """
     over = np.zeros(heights.shape, bool)
     for pull in pulls:
         window = grid.window(*pull.bounds_m())
@@ -114,8 +118,9 @@ def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Ar
 
 
 def measure_cut_depth_m(grid: ExcavationGrid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
-    """Depth (rows, columns) in metres that the pulls remove from ground with its top at ``top_m``. Depths of the pulls
-    are below ``plane``, as ``fit_plane`` returns it."""
+    """Compute the depth (rows, columns) in metres that the pulls remove from ground with its top at ``top_m``. Depths
+    of the pulls are below ``plane``, as ``fit_plane`` returns it.
+    """
     taken = np.zeros_like(top_m)
     window = grid.window(*find_bounds_m(pulls))
     windows = [grid.window(*pull.bounds_m()) for pull in pulls]

@@ -1,8 +1,8 @@
-"""Marks that a scoop leaves in the ground that it cuts: grooves of its teeth, and a step where each pass ends.
+"""Marks that a scoop leaves in the ground: grooves of its teeth, and a step where each pass ends.
 
-Grooves are cosines across the blade with a whole number of periods. Steps are saw teeth along the pull, also a whole
-number. So both have a mean of 0, and a pull to one depth digs the volume that it digs without marks. The numbers of
-teeth and the sizes are guesses.
+Grooves are cosines across the blade, and steps are saw teeth along the pull, both with a whole number of periods. So
+both have a mean of 0, and a pull to one depth digs the same volume as without marks. The number of teeth and the sizes
+are guesses.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ TEETH = 6
 _PASS_LENGTH = 1.0
 #: Height of the step between two passes over the depth of a groove.
 _STEP_HEIGHT = 2.0
-#: Share of the distance of two teeth by which the teeth of the next pass are off to the side: the golden section, so
-#: that no two passes near each other have the same grooves.
+#: Sideways shift of the teeth from one pass to the next, over the distance between two teeth. It is the golden section,
+#: so that no two passes near each other have the same grooves.
 _PASS_SHIFT = 0.381966
 
 
@@ -38,9 +38,10 @@ class ScoopMarks:
         return 0.5 * (1.0 + _STEP_HEIGHT) * self.groove_m
 
     def add_to(self, depth_m: Array, along_m: Array, right_m: Array, length_m: float) -> Array:
-        """Depths in metres with marks, from depths of a pull that is ``length_m`` long. ``along_m`` counts from its
-        start, ``right_m`` from its middle. Where the pull is less deep than the marks are high, they are as low as it
-        is deep, so that nothing is dug where the blade stays above the ground."""
+        """Add the marks of the scoop to the depths, in metres, of a pull of length ``length_m``. ``along_m`` is
+        measured from its start, ``right_m`` from its centre line. In a cut less deep than ``height_m``, the marks are
+        lower in proportion, so that no ground is dug where the blade stays above it.
+        """
         passes = round(length_m / (_PASS_LENGTH * self.width_m))
         done = passes * along_m / length_m if passes else np.zeros_like(along_m)
         shift = _PASS_SHIFT * np.floor(done)
@@ -51,8 +52,9 @@ class ScoopMarks:
 
 
 def make_marks(width_m: float, strength: float, friction_deg: float) -> ScoopMarks | None:
-    """The marks of a blade, of a ``strength`` from 0 for none to 1 for grooves whose flanks are as steep as friction
-    holds them."""
+    """Make the marks of a blade; None for ``strength`` 0. At strength 1 the flanks of the grooves are as steep as
+    friction holds them.
+    """
     if strength == 0.0:
         return None
     return ScoopMarks(width_m, strength * width_m / TEETH * math.tan(math.radians(friction_deg)) / math.pi)

@@ -31,7 +31,7 @@ _ARC_POINTS = 181
 
 
 def make_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
-    """The pulls of each state after the first, in which the ground is untouched.
+    """Make the pulls of each state after the first, in which the ground is untouched.
 
     Raises IcyMoonError if a recorded path cannot be read.
     """
@@ -41,7 +41,9 @@ def make_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
 
 
 def _make_pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
-    """The pull to a depth in metres. On an arc the blade swings into the ground, follows the line, and swings out."""
+    """Make the pull to a depth in metres. On an arc the blade swings into the ground, follows the line, and swings
+    out.
+    """
     length = float(excavation.length_m)
     along, depth = np.array([0.0, length]), np.array([depth_m, depth_m])
     if excavation.path == ARC:
@@ -56,7 +58,7 @@ def _make_pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
 
 
 def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
-    """Straight pulls between the recorded places of the blade's middle, by state."""
+    """Read the straight pulls between the recorded places of the blade's middle, by state."""
     path = absolute_path(excavation.file, "excavation.file")
     table = read_path(path)
     states = int(excavation.states)
@@ -75,7 +77,7 @@ def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
 
 
 def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
-    """The straight pull between two positions (east, north, depth); None for a vertical move."""
+    """Make the straight pull between two positions (east, north, depth) in metres; None for a vertical move."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
         return None
@@ -84,7 +86,7 @@ def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
 
 
 def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
-    """Straight pulls through positions (east, north, depth) in metres; coinciding positions make no pull."""
+    """Make straight pulls through positions (east, north, depth) in metres; coinciding positions make no pull."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
         if (pull := make_pull_between(a, b, width_m)) is not None:
@@ -93,16 +95,18 @@ def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
 
 
 def _turn_blade(pull: Pull, before: Pull) -> Pull:
-    """Add to a pull the blade's rotation from the heading ``before`` it. A rotation above a right angle is left out,
-    because the blade is then rather lifted and set down again."""
+    """Add to a pull the blade's rotation from the heading of the pull ``before`` it. A rotation of a right angle or
+    more is left out, because the blade is then more likely lifted and set down again.
+    """
     turn = math.radians(pull.heading_deg - before.heading_deg)
     return replace(pull, from_deg=before.heading_deg) if math.cos(turn) > 1e-9 else pull
 
 
 def read_path(path: Path) -> Array:
-    """State, east, north and depth (n, 4) of a CSV file; metres, depth below the plane of the untouched ground. The
-    first line names the columns; only ``PATH_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or
-    number, for a number out of range, and for too many lines."""
+    """Read state, east, north and depth (n, 4) of a CSV file, in metres; depth is below the plane of the untouched
+    ground. The first line names the columns; only ``PATH_COLUMNS`` are read. Raises IcyMoonError for a missing file,
+    column or number, for a number out of range, and for too many lines.
+    """
     rows = []
     for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MAX_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):

@@ -1,6 +1,6 @@
 """Rocks that lose their support when the ground under them is dug away, and where they come to rest.
 
-The model is simple, without dynamics. A rock tips if its middle is outside the convex hull of the ground that is left
+The model is simple, without dynamics. A rock tips if its middle is outside the convex hull of the remaining ground
 under it. It then moves down the slope under its footprint in steps of a quarter of its diameter, until the slope is
 gentle, the ground stops falling, or another rock is in its way. There it turns with the slope and is lowered until it
 touches the ground.
@@ -27,7 +27,7 @@ _DUG_AWAY_M = 2.0e-3
 _RING_RADII = (0.15, 0.3, 0.45)
 #: Number of points of a ring.
 _POINTS_PER_RING = 16
-#: A rock rolls on while the ground is steeper than this.
+#: Slope in degrees above which a rock rolls on.
 _ROLLING_SLOPE_DEG = 20.0
 #: Step of a rolling rock, over its diameter.
 _ROLL_STEP = 0.25
@@ -40,8 +40,9 @@ ChangeAt = Callable[[Array, Array], Array]
 
 
 def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> Array:
-    """Indices of the rocks whose middle is no longer above the remaining ground under them. ``change_m`` returns the
-    height of the ground above the untouched ground, at east and north coordinates."""
+    """Find the indices of the rocks whose middle is no longer above the remaining ground under them. ``change_m``
+    returns the height of the ground above the untouched ground, at east and north coordinates.
+    """
     turn = np.linspace(0.0, 2 * np.pi, _POINTS_PER_RING, endpoint=False)
     share = np.repeat(_RING_RADII, _POINTS_PER_RING)
     dx, dy = share * np.tile(np.cos(turn), len(_RING_RADII)), share * np.tile(np.sin(turn), len(_RING_RADII))
@@ -53,8 +54,9 @@ def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> Array:
 
 
 def _spans_middle(left: Array) -> Array:
-    """Whether the middle lies in the convex hull of the points that are ``left`` (n, directions), at equal angles
-    around it. It does unless a gap of more than half a turn is left out."""
+    """Return whether the middle lies in the convex hull of the points that are ``left`` (n, directions), at equal
+    angles around it. It does unless half a turn or more has no points left.
+    """
     half = left.shape[1] // 2
     gap = np.stack([np.roll(~left, -first, axis=1)[:, :half].all(axis=1) for first in range(left.shape[1])], axis=1)
     return np.asarray(~gap.any(axis=1))
@@ -63,8 +65,9 @@ def _spans_middle(left: Array) -> Array:
 def settle_rocks(
     rocks: Rocks, change_m: ChangeAt, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
 ) -> tuple[Rocks, int]:
-    """Rocks at rest on dug ground, from the same rocks on untouched ground, and the number of rocks that moved.
-    ``surface`` returns the height of the dug ground."""
+    """Move rocks on untouched ground to rest on dug ground. Return all rocks, and the number that moved. ``surface``
+    returns the height of the dug ground.
+    """
     falls = find_unsupported(rocks, change_m)
     if not len(falls):
         return rocks, 0
@@ -80,7 +83,9 @@ def settle_rocks(
 
 
 def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) -> Array:
-    """East and north in metres of the place at which a rock comes to rest, from the places (n, 2) of all rocks."""
+    """Find the east and north in metres of the place at which a rock comes to rest. ``places`` (n, 2) are all rocks'
+    places.
+    """
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)
     near = (diameters >= _BLOCKING_SIZE * diameter) & (

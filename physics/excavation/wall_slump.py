@@ -1,9 +1,9 @@
 """Parts of standing walls that fail, because the ground is weaker there.
 
 Cohesion varies from place to place. Where a wall is higher than its cohesion holds it (Culmann's critical height, see
-``standing_slopes.critical_height_m``), the ground above this height breaks off on Culmann's plane, at 45 degrees and
-half the angle of friction. It becomes spoil, which slides to the angle of friction. The pattern of weak places is a
-guess.
+``standing_slopes.critical_height_m``), the ground above this height breaks off on Culmann's plane, whose dip is 45
+degrees plus half the angle of friction. It becomes spoil, which slides to the angle of friction. The pattern of weak
+places is a guess.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from ..terrain.noise.lattice_noise import gradient_noise
 from .dig_grid import ExcavationGrid
 from .scoop_cut import Pull
 
-#: Wavelength of cohesion over the depth of the trench, and of its finer part.
+#: Wavelengths of cohesion over the depth of the trench: of its coarse and its fine part.
 _WAVELENGTHS = (2.0, 0.7)
-#: Factors on the noise of these wavelengths.
+#: Factors on the noise with these wavelengths.
 _STRENGTHS = (1.2, 0.4)
 
 
 def find_retreat_m(depth_m: float, friction_deg: float) -> float:
-    """The farthest in metres that the upper edge of a wall of this height retreats."""
+    """Compute the farthest distance in metres that the upper edge of a wall of this height retreats."""
     return depth_m * math.tan(math.radians(45.0 - friction_deg / 2.0))
 
 
 def make_strength(grid: ExcavationGrid, depth_m: float, weakening: float, key: int) -> Array:
-    """Cohesion (rows, columns) over the cohesion of strong ground, from 1 - ``weakening`` to 1."""
+    """Make a map (rows, columns) of the cohesion over the cohesion of strong ground, from 1 - ``weakening`` to 1."""
     noise = np.zeros((grid.rows, grid.columns))
     for octave, (wave, share) in enumerate(zip(_WAVELENGTHS, _STRENGTHS, strict=True)):
         length = wave * max(depth_m, grid.cell_m)
@@ -47,8 +47,9 @@ def find_failed_m(
     stands_m: Array,
     friction_deg: float,
 ) -> Array:
-    """Thickness (rows, columns) in metres of ground that breaks off the walls of pulls. ``stands_m`` (rows, columns)
-    is the height up to which a wall stands at each place."""
+    """Find the thickness (rows, columns) in metres of the ground that breaks off the walls of pulls. ``stands_m``
+    (rows, columns) is the height up to which a wall stands at each place.
+    """
     slope = math.tan(math.radians(45.0 + friction_deg / 2.0))
     failed = np.zeros_like(before_m)
     for pull in pulls:

@@ -4,17 +4,17 @@ Ground with cohesion c, density ρ and angle of friction φ stands no higher tha
 
     a(θ) = 2 c cos φ / (ρ g cos θ sin(θ - φ))
 
-above any plane of dip θ > φ that nowhere rises above the ground: there the wedge between the plane and the surface is
-as heavy as its shear strength allows. This is Culmann's law for faces of any slope (``standing_slopes``), written for
-his planes: θ = (β + φ) / 2 gives H(β) = a(θ) sin β cos θ / sin(β - θ). The least a, for θ = 45° + φ / 2, is the height
-of an upright wall. Without cohesion all ground steeper than φ fails.
+above any plane of dip θ > φ that nowhere rises above the ground: at this height, the wedge between the plane and the
+surface is as heavy as its shear strength allows. This is Culmann's law for faces of any slope (``standing_slopes``),
+written for his planes: θ = (β + φ) / 2 gives H(β) = a(θ) sin β cos θ / sin(β - θ). The least a, for θ = 45° + φ / 2, is
+the height of an upright wall. Without cohesion all ground steeper than φ fails.
 
-So the highest surface that stands is the least over θ of a(θ) plus the highest surface under the ground with slopes up
-to tan θ. It depends on heights only, not on an order of failures, and ground below it never fails again. A few planes
-stand for all θ; the limit is then up to 3 % of its height above the limit of the law, for faces of up to 100 times the
-height of an upright one. Slopes on the grid are measured in 16 directions, which lets them be 2.8 % steeper in between.
-
-Ice at rest over long times creeps, cracks and has joints; this law knows cohesion and friction only.
+So the highest surface that stands is the least, over θ, of a(θ) plus the highest surface under the ground with slopes
+up to tan θ. It depends on heights only, not on an order of failures, and ground below it never fails again. A few
+planes stand for all θ; the limit is then up to 3 % of its height above the limit of the law, for faces of up to 100
+times the height of an upright one. Slopes on the grid are measured in 16 directions, so between these directions they
+can be 2.8 % steeper. Ice at rest over long times creeps, cracks and has joints; this law knows cohesion and friction
+only.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ import numpy as np
 
 from ...support.arrays import Array, Numbers
 
-#: Number of planes that stand for all dips.
+#: Number of planes that represent all dips.
 _PLANES = 6
-#: Steps of rows and columns to neighbours in 8 of 16 directions; the others are their opposites.
+#: Steps in rows and columns to the neighbours in 8 of 16 directions; the other 8 are their opposites.
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (2, -1), (1, 2), (1, -2))
 
 
 @dataclass(frozen=True)
 class Strength:
-    """What holds ground against gravity: cohesion in Pa, angle of friction in degrees, density in kg/m³, gravity in
-    m/s²."""
+    """Strength of the ground against gravity: cohesion in Pa, angle of friction in degrees, density in kg/m³, gravity
+    in m/s².
+    """
 
     cohesion_pa: float
     friction_deg: float
@@ -43,8 +44,9 @@ class Strength:
     gravity_m_s2: float
 
     def list_planes(self) -> list[tuple[float, float]]:
-        """Planes on which ground fails: the height in metres up to which ground stands above each, and the tangent of
-        its dip. Rounded, because tangents differ between machines in the last bit."""
+        """List the planes on which ground fails: the height in metres up to which ground stands above each, and the
+        tangent of its dip. Both are rounded, because tangents differ between machines in the last bit.
+        """
         friction = math.radians(self.friction_deg)
         if self.cohesion_pa == 0.0:
             return [(0.0, float(np.float32(math.tan(friction))))]
@@ -59,8 +61,9 @@ class Strength:
 
 
 def find_highest_standing(height_m: Array, cell_m: float, strength: Strength, cohesion_share: Numbers = 1.0) -> Array:
-    """Heights (rows, columns) in metres above which ground of heights ``height_m`` breaks off; infinite if all of it
-    stands. ``cohesion_share``, a number or (rows, columns), multiplies the cohesion at each place."""
+    """Find the heights (rows, columns) in metres above which ground of heights ``height_m`` breaks off; infinite if all
+    of it stands. ``cohesion_share``, a number or (rows, columns), multiplies the cohesion at each place.
+    """
     limit = np.full(height_m.shape, np.inf)
     relief, weakest = float(np.ptp(height_m)), float(np.min(cohesion_share))
     for stands_m, tangent in strength.list_planes():
@@ -70,7 +73,7 @@ def find_highest_standing(height_m: Array, cell_m: float, strength: Strength, co
 
 
 def cut_to_slope(height_m: Array, cell_m: float, tangent: float) -> Array:
-    """The highest surface (rows, columns) at or under heights whose tangents in 16 directions are ``tangent`` or less.
+    """Find the highest surface (rows, columns) at or under heights whose slope in 16 directions is at most ``tangent``.
 
     A distance along a direction is a sum of strides of 1, 2, 4 … cells, so one pass over all strides is enough.
     """
@@ -84,7 +87,9 @@ def cut_to_slope(height_m: Array, cell_m: float, tangent: float) -> Array:
 
 
 def _lower_pairs(low: Array, down: int, right: int, rise_m: float) -> None:
-    """Lower the higher of all two cells that are ``down`` rows and ``right`` columns apart, in place."""
+    """Lower the higher cell of each pair ``down`` rows and ``right`` columns apart, in place, to at most ``rise_m``
+    above the other.
+    """
     rows, columns = low.shape
     if down >= rows or abs(right) >= columns:
         return

@@ -1,7 +1,7 @@
 """Slides of loose material, until no slope is steeper than the angle of repose.
 
-Of two neighbouring cells the higher one gives half of its excess height to the lower one. In each of 16 directions the
-pairs of cells are disjoint, so all pairs of a direction are relaxed at once, in place: mass is kept, the order is
+The higher of two neighbouring cells gives half of its excess height to the lower one. In each of 16 directions the
+pairs of cells are disjoint, so all pairs of a direction are relaxed at once, in place. Mass is kept, the order is
 fixed, and nothing overshoots. (Relaxing all pairs at once, as Jacobi's method does, takes 18 times as many sweeps.)
 """
 
@@ -16,10 +16,10 @@ import numpy as np
 
 from ...support.arrays import Array, Numbers
 
-#: Rows and columns from a cell to its neighbours, for 8 of the 16 directions; the other 8 are their opposites. With 8
-#: directions slopes would be up to 5 % too steep.
+#: Steps in rows and columns to a cell's neighbours in 5 of the 16 directions. The transposed grid adds 3, and the
+#: other 8 are opposites. With 8 directions in all, slopes would be up to 5 % too steep.
 _NEIGHBOURS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
-#: The same, as steps on the transposed grid.
+#: The directions that only the transposed grid has, as steps on that grid.
 _NEIGHBOURS_TRANSPOSED = ((1, 0), (2, 1), (2, -1))
 #: Sweeps end when less than this share of a cell moves between any two cells.
 _TOLERANCE = 0.03
@@ -50,7 +50,7 @@ class GroundLayers:
     spoil: Array
 
     def copy(self) -> GroundLayers:
-        """A copy that may be changed."""
+        """Copy the layers, so that they can be changed."""
         return GroundLayers(self.ground.copy(), self.spoil.copy())
 
     @property
@@ -67,12 +67,12 @@ def relax_slopes(
     stood_m: Array | None = None,
     slides: Array | None = None,
 ) -> tuple[int, bool]:
-    """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps, and whether all
+    """Let spoil slide, in place; cells at the rim slide inward only. Return the number of sweeps, and whether all
     material rests.
 
     With ``stood_m``, the heights of the ground before it was dug, ground slides too, in the cells ``slides`` (rows,
-    columns), everywhere by default. Sliding ground becomes spoil and then takes ``bulking`` times the volume. Two
-    points of the ground may differ in height by as much as before the digging.
+    columns), everywhere by default. Sliding ground becomes spoil, which takes ``bulking`` times its volume. Two points
+    of the ground may keep the difference in height that they had before the digging.
     """
     if stood_m is None:
         return _settle_slopes(layers.top, layers.spoil, cell_m, repose_deg, None)
@@ -90,8 +90,9 @@ def relax_slopes(
 
 def _apply_change(layers: GroundLayers, change_m: Array, bulking: float) -> float:
     """Apply a volume-preserving change of the surface to the layers: spoil leaves before ground, and arrives as spoil.
-    Ground grows as it becomes spoil: one factor raises all arriving material. Returns the greatest height in metres
-    that this growth adds to the change."""
+    Ground grows as it becomes spoil, so one factor raises all arriving material. Return the greatest height in metres
+    that this growth adds to the change.
+    """
     gone, come = np.maximum(-change_m, 0.0), np.maximum(change_m, 0.0)
     loose = np.minimum(gone, layers.spoil)
     solid = gone - loose
@@ -107,11 +108,11 @@ def _apply_change(layers: GroundLayers, change_m: Array, bulking: float) -> floa
 def _settle_slopes(
     top: Array, spoil: Array | None, cell_m: float, repose_deg: float, stood_m: Array | None
 ) -> tuple[int, bool]:
-    """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Returns the number of sweeps
-    and whether all rests.
+    """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Return the number of sweeps and
+    whether all material rests.
 
-    Each move between two cells lowers the sum of squares of all heights, by no less than the tolerance allows, so the
-    sweeps end.
+    Each move between two cells lowers the sum of squares of all heights, at least by an amount that follows from the
+    tolerance, so the sweeps end.
     """
     sweeps, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MAX_SWEEPS)
     for _ in range(_MAX_CYCLES):
@@ -133,8 +134,9 @@ def _sweep_at_stride(
     stride: int,
     most: int,
 ) -> tuple[int, bool]:
-    """Sweep over pairs ``stride`` times as far apart, until little moves or at most ``most`` times; see
-    ``_settle_slopes``."""
+    """Sweep over pairs of cells ``stride`` times as far apart, until little moves or at most ``most`` times; see
+    ``_settle_slopes``.
+    """
     tangent = math.tan(math.radians(repose_deg))
     sweeps, window = 0, _find_moving_window(top, spoil, cell_m, tangent, stood_m)
     while window is not None:
@@ -154,7 +156,9 @@ def _sweep_at_stride(
 def _find_moving_window(
     top: Array, spoil: Array | None, cell_m: float, tangent: float, stood_m: Array | None
 ) -> tuple[slice, slice] | None:
-    """Rows and columns of all loose cells on too steep slopes, with a margin; None without such cells."""
+    """Find the rows and columns that contain all loose cells on slopes that are too steep, with a margin; None without
+    such cells.
+    """
     steep = np.zeros(top.shape, bool)
     for axis in (0, 1):
         drop = np.diff(top, axis=axis)
@@ -184,8 +188,9 @@ _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
 def _make_limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
-    """Greatest allowed difference in height of all pairs of cells: by the angle of repose, or their difference before
-    the digging if that is larger. Pairs are ``stride`` times as far apart as neighbours."""
+    """Find the greatest allowed difference in height of all pairs of cells: by the angle of repose, or the difference
+    before the digging if it is larger. Pairs are ``stride`` times as far apart as neighbours.
+    """
     found: list[_Limit] = []
     for turned, steps in ((False, _NEIGHBOURS), (True, _NEIGHBOURS_TRANSPOSED)):
         stood = stood_m.T if turned and stood_m is not None else stood_m
@@ -202,7 +207,7 @@ def _make_limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, s
 
 
 def _sweep_once(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
-    """One sweep over all pairs, in place. Returns the largest height in metres that moved between two cells."""
+    """Sweep once over all pairs, in place. Return the largest height in metres that moved between two cells."""
     most = 0.0
     for turned, a, b, limit in limits:
         heights, loose = (top.T, None if spoil is None else spoil.T) if turned else (top, spoil)
@@ -225,8 +230,9 @@ def _sweep_once(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
 def _list_disjoint_pairs(
     shape: tuple[int, ...], down: int, right: int
 ) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Slices of disjoint pairs of cells, ``down`` rows and ``right`` columns apart; together they
-    cover all such pairs."""
+    """Yield slices of disjoint pairs of cells, ``down`` rows and ``right`` columns apart; together they cover all such
+    pairs.
+    """
     rows, columns = shape
     first = slice(max(-right, 0), columns - max(right, 0))
     second = slice(max(right, 0), columns - max(-right, 0))

@@ -1,4 +1,4 @@
-"""Tables of the reflectance of surfaces back toward the light: phase angle 0, any incidence."""
+"""Tables of the reflectance of surfaces back toward the light, at phase angle 0 and any incidence."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from ...support.labels import LANDER, ROCK, TERRAIN
 from ..surfaces.photometry import Law, lunar_lambert
 from ..surfaces.surface_law import find_albedos, make_law
 
-#: Number of steps of the cosine in a table. Linear interpolation between them is off by less than 1e-6 for our laws to
-#: an incidence of 85 degrees; a test measures it.
+#: Number of steps of the cosine in a table. For our laws, linear interpolation between them has an error below 1e-6 up
+#: to an incidence of 85 degrees; a test measures it.
 _STEPS = 2**14
 #: Assumed albedos of a lander, and of objects of the user.
 _LANDER_ALBEDO, _OBJECT_ALBEDO = 0.3, 0.5
-#: Label of triangles whose material has none.
+#: Label of triangles whose material has no label.
 _UNLABELLED = 0
 
 
 @dataclass(frozen=True)
 class Backscatter:
-    """``reflectance`` (_STEPS + 1,), bidirectional reflectance r in 1/sr where light and sensor are in one direction,
-    at equal steps of the cosine of incidence from 0 to 1. r is the BRDF times that cosine; the opposition surge is
-    included."""
+    """``reflectance`` (_STEPS + 1,) is the bidirectional reflectance r in 1/sr where light and sensor are in one
+    direction, at equal steps of the cosine of incidence from 0 to 1. r is the BRDF times that cosine; the opposition
+    surge is included.
+    """
 
     reflectance: Array
 
     def find(self, cosine: Array) -> Array:
-        """r at cosines of incidence, any shape, from 0 to 1."""
+        """Interpolate r at cosines of incidence, any shape, from 0 to 1."""
         place = cosine * _STEPS
         below = np.minimum(place.astype(np.int64), _STEPS - 1)
         return np.asarray(
@@ -41,8 +42,10 @@ class Backscatter:
 
 @dataclass(frozen=True)
 class AlbedoMap:
-    """Albedo (rows, columns) on square cells of ``cell_m`` as seen from above, north first, from ``west_m`` and
-    ``north_m`` on; NaN where it is unknown. ``clean`` is the albedo for which the law of a label is tabulated."""
+    """Albedo (rows, columns) on square cells of ``cell_m`` as seen from above, north first; NaN where it is unknown.
+    ``west_m`` and ``north_m`` are its western and northern edges. ``clean`` is, by label, the albedo for which the
+    label's law is tabulated.
+    """
 
     albedo: Array
     cell_m: float
@@ -51,8 +54,9 @@ class AlbedoMap:
     clean: Mapping[int, float]
 
     def find_factors(self, point_m: Array, label: Array) -> Array:
-        """Factors (n,) on the laws' reflectance at points (n, 3) of labels (n,): the albedo of the cell over the clean
-        one; 1 outside the map and for other labels."""
+        """Find the factors (n,) on the laws' reflectance at points (n, 3) of labels (n,): the albedo of the cell over
+        the clean albedo; 1 outside the map and for other labels.
+        """
         rows, columns = self.albedo.shape
         column = np.floor((point_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - point_m[:, 1]) / self.cell_m)
@@ -73,7 +77,7 @@ def tabulate_backscatter(law: Law) -> Backscatter:
 
 
 def find_clean_albedos(settings: Settings) -> dict[int, float]:
-    """The albedo of ground and rocks for which ``tabulate_scene`` makes their laws, in even light."""
+    """Find the albedo of ground and rocks, by label, in even light, for which ``tabulate_scene`` makes their laws."""
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     found = {}
     for label, surface in ((TERRAIN, settings.surface), (ROCK, rock)):
@@ -95,9 +99,11 @@ def has_patches(settings: Settings) -> bool:
 
 
 def tabulate_scene(settings: Settings) -> dict[int, Backscatter]:
-    """Tabulate a scene's backscatter by semantic label. Principled snow has no closed form and counts as a Lambert
-    surface of its albedo; so do the lander and other objects, with an assumed albedo. An ``AlbedoMap`` contains
-    variations of albedo over the ground."""
+    """Tabulate a scene's backscatter by semantic label.
+
+    Principled snow has no closed form and counts as a Lambert surface of its albedo. So do the lander and other
+    objects, with an assumed albedo. An ``AlbedoMap`` contains variations of albedo over the ground.
+    """
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     laws = {
         TERRAIN: make_law(settings.surface, settings.hapke) or lunar_lambert(settings.surface.albedo, 0.0),

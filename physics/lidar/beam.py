@@ -1,7 +1,7 @@
 """The profile of a laser beam as a few rays, and the part of it that the receiver sees.
 
-The intensity of a Gaussian beam is exp(-2 θ²/θd²) at the angle θ from its axis, θd the half-angle at 1/e². A coordinate
-across the beam has the variance s² = θd²/4.
+The intensity of a Gaussian beam is exp(-2 θ²/θd²) at the angle θ from its axis, where θd is the half-angle at 1/e². A
+coordinate across the beam has the variance s² = θd²/4.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 @dataclass(frozen=True)
 class SubRays:
-    """Rays of a beam. ``offset`` (n, 2) is across the beam, in half-angles at 1/e²; ``weight`` (n,) is the share of the
-    pulse's energy, in sum 1. The first ray is the axis, without energy if the beam has several rays. The other rays
-    follow by distance from the axis."""
+    """Rays of a beam. ``offset`` (n, 2) is across the beam, in half-angles at 1/e². ``weight`` (n,) is the share of the
+    pulse's energy; the weights add up to 1. The first ray is the axis, without energy if the beam has several rays. The
+    other rays follow by distance from the axis.
+    """
 
     offset: Array
     weight: Array
@@ -45,11 +46,11 @@ class SubRays:
 
 @lru_cache
 def make_sub_rays(count: int) -> SubRays:
-    """The axis alone for a ``count`` of 1; otherwise the axis and an even ``count`` of rays of equal energy.
+    """Make the axis alone for a ``count`` of 1; otherwise the axis and an even ``count`` of rays of equal energy.
 
-    Half of the rays are on Vogel's spiral, at radii that divide the energy equally; the others are their mirror
-    images, so that odd moments vanish. A linear map then gives them the beam's second moments, so that a tilted plane
-    returns the right energy to the fourth order of the beam's width.
+    Half of the rays are on Vogel's spiral, at radii that divide the energy equally; the others are their mirror images,
+    so that odd moments vanish. A linear map then gives them the beam's second moments, so that a tilted plane returns
+    the right energy to the fourth order of the beam's width.
     """
     if count == 1:
         return SubRays(np.zeros((1, 2)), np.ones(1))
@@ -64,7 +65,7 @@ def make_sub_rays(count: int) -> SubRays:
 
 
 def spread_beams(axis: Array, rays: SubRays, half_angle_rad: tuple[float, float]) -> Array:
-    """Unit vectors (m, n, 3) of the rays of beams along ``axis`` (m, 3), unit vectors in the sensor's axes.
+    """Compute the unit vectors (m, n, 3) of the rays of beams along ``axis`` (m, 3), unit vectors in the sensor's axes.
 
     ``half_angle_rad`` is the half-angle at 1/e² along the sensor's horizon and across it.
     """
@@ -87,7 +88,7 @@ def compute_overlap(
     aperture_radius_m: float,
     field_half_angle_rad: float,
 ) -> Array:
-    """The share of the beam's disc that the receiver sees at a distance: both are cones with parallel axes
+    """Compute the share of the beam's disc that the receiver sees at a distance. Both are cones with parallel axes
     ``separation_m`` apart, and the beam is even across its disc.
 
     Source: the overlap of two circles as in Measures, Laser Remote Sensing, 1984, section 7.4.
@@ -102,7 +103,7 @@ def compute_overlap(
 
 
 def _share_of_disc(separation_m: float, beam: Array, seen: Array) -> Array:
-    """The share of discs of radius ``beam`` (n,) in discs of radius ``seen`` (n,)."""
+    """Compute the share of discs of radius ``beam`` (n,) that is inside discs of radius ``seen`` (n,)."""
     near, far = np.minimum(beam, seen), np.maximum(beam, seen)
     apart = np.clip(separation_m, far - near, far + near)
     with np.errstate(divide="ignore", invalid="ignore"):

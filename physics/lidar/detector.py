@@ -26,11 +26,11 @@ _FWHM = 2.0 * math.sqrt(2.0 * math.log(2.0))
 class Detector:
     """A detector by its figures.
 
-    ``noise_electrons`` is the noise without signal as photo-electrons in a pulse, ``excess_noise`` the factor F on shot
-    noise, and ``threshold_electrons`` the electrons of a pulse whose peak is at the threshold. ``timing`` is EDGE or
-    CENTROID. ``jitter_s`` is added to the jitter of noise. ``resolution_m`` is the step of the range (0: no steps),
-    ``saturation`` the largest intensity in electrons, ``bandwidth_hz`` the B of Rice's rate (0: 0.44 over the pulse's
-    length), and ``gate_m`` the nearest and farthest range.
+    ``noise_electrons`` is the noise without signal, as photo-electrons in a pulse, and ``excess_noise`` the factor F on
+    shot noise. A pulse of ``threshold_electrons`` has its peak at the threshold. ``timing`` is EDGE or CENTROID.
+    ``jitter_s`` is added to the jitter of noise. ``resolution_m`` is the step of the range (0: no steps), and
+    ``saturation`` the largest intensity in electrons. ``bandwidth_hz`` is the B of Rice's rate (0: 0.44 over the
+    pulse's length), and ``gate_m`` are the nearest and the farthest range. Raises IcyMoonError for impossible values.
     """
 
     pulse_fwhm_s: float = 1e-9
@@ -52,12 +52,14 @@ class Detector:
         if self.timing not in ("EDGE", "CENTROID"):
             raise IcyMoonError(f"The timing {self.timing} is unknown; give EDGE or CENTROID.")
         if not 0.0 <= self.gate_m[0] < self.gate_m[1] < math.inf:
-            raise IcyMoonError(f"The gate is {self.gate_m[0]:g} to {self.gate_m[1]:g} m; give two that increase.")
+            raise IcyMoonError(f"The gate is {self.gate_m[0]:g} to {self.gate_m[1]:g} m; give two increasing ranges.")
         for name in ("noise_electrons", "jitter_s", "resolution_m", "bandwidth_hz"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise IcyMoonError(f"The detector's {name} is {getattr(self, name):g}; give 0 or more.")
         if not self.excess_noise >= 1.0 or not self.saturation > 0.0:
-            raise IcyMoonError("The excess noise is below 1 or the saturation is 0; give 1 or more, and more than 0.")
+            raise IcyMoonError(
+                "The excess noise is below 1 or the saturation is 0; give a noise from 1 on and a saturation above 0."
+            )
 
     @property
     def deviation_s(self) -> float:
@@ -73,7 +75,8 @@ class Detector:
 @dataclass(frozen=True)
 class Detections:
     """Measurements (n,) of returns: range in metres (NaN without a detection), intensity in electrons, and whether the
-    detection is a false alarm."""
+    detection is a false alarm.
+    """
 
     range_m: Array
     electrons: Array
@@ -81,22 +84,24 @@ class Detections:
 
 
 def edge_walk_s(deviation_s: float, amplitude_over_threshold: Numbers) -> Array:
-    """Time in s from a threshold on the rising edge of a Gaussian pulse to its peak: σ √(2 ln(A/T)); 0 if the peak is
-    below it."""
+    """Compute the time in s from a threshold on the rising edge of a Gaussian pulse to its peak: σ √(2 ln(A/T)); 0 if
+    the peak is below the threshold.
+    """
     over = np.maximum(np.asarray(amplitude_over_threshold, np.float64), 1.0)
     return np.asarray(deviation_s * np.sqrt(2.0 * np.log(over)))
 
 
 def correct_walk_m(found: Detections, detector: Detector) -> Array:
-    """Ranges (n,) of a leading edge in metres without the walk of the measured intensity, as a calibrated instrument
-    states them. Where the intensity saturates, the rest of the walk stays."""
+    """Remove the walk of the measured intensity from leading-edge ranges (n,), in metres, as a calibrated instrument
+    does. Where the intensity saturates, the rest of the walk stays.
+    """
     over = np.where(found.is_false, 1.0, found.electrons / detector.threshold_electrons)
     return np.asarray(found.range_m + LIGHT_M_S / 2.0 * edge_walk_s(detector.deviation_s, over))
 
 
 def edge_jitter_s(deviation_s: float, amplitude_over_threshold: Numbers, threshold_over_noise: Numbers) -> Array:
-    """Jitter in s of a threshold on the rising edge: noise over slope, σ / ((T/σn) √(2 ln(A/T))), at most the pulse's
-    σ.
+    """Compute the jitter in s of a threshold on the rising edge, noise over slope: σ / ((T/σn) √(2 ln(A/T))), at most
+    the pulse's σ.
 
     At half of the peak the jitter is 1.70 σ over the signal-to-noise ratio, about the rise time (10 to 90 %: 1.69 σ)
     over that ratio.
@@ -107,7 +112,7 @@ def edge_jitter_s(deviation_s: float, amplitude_over_threshold: Numbers, thresho
 
 
 def photon_jitter_m(deviation_s: float, photons: Numbers) -> Array:
-    """Least standard deviation in metres of a range from N photons of a pulse: c σ / (2 √N)."""
+    """Compute the least standard deviation in metres of a range from N photons of a pulse: c σ / (2 √N)."""
     return np.asarray(LIGHT_M_S / 2.0 * deviation_s / np.sqrt(np.maximum(np.asarray(photons, np.float64), 1.0)))
 
 
@@ -122,9 +127,9 @@ def detect_returns(
 ) -> Detections:
     """Measure the first return (n,) of beams at true ranges in metres, NaN or infinite without a target.
 
-    ``electrons`` are expected from the pulse, ``background_electrons`` from sunlight and dark current in the length of
-    a pulse. The same seed and scan give the same bits. Each effect has its own random stream, so that one switched off
-    changes no other.
+    ``electrons`` are expected from the pulse, and ``background_electrons`` from sunlight and dark current in the length
+    of a pulse. The same seed and scan give the same bits. Each effect has its own random stream, so that switching one
+    off changes no other.
     """
     true, expected = np.broadcast_arrays(np.asarray(range_m, np.float64), np.asarray(electrons, np.float64))
     if not (expected >= 0.0).all():
@@ -150,7 +155,9 @@ def detect_returns(
 
 
 def find_noise(detector: Detector, background: Array, effects: Effects) -> Array:
-    """Noise without signal, in electrons of a pulse; ``background`` are the electrons of steady light in a pulse."""
+    """Compute the noise without signal, in electrons of a pulse; ``background`` is the electrons of steady light in a
+    pulse.
+    """
     steady = detector.noise_electrons**2 * effects.amplifier_noise
     return np.sqrt(steady + detector.excess_noise * np.maximum(background, 0.0) * effects.shot_noise)
 
@@ -164,10 +171,12 @@ def time_return(
     effects: Effects,
     deviation_s: Numbers | None = None,
 ) -> Array:
-    """Error (n,) in s of the time of returns: walk, jitter of noise, and the detector's own jitter.
+    """Compute the error (n,) in s of the time of returns: walk, jitter of noise, and the detector's own jitter.
 
-    ``light`` and ``amplitude`` (n,) are the expected and the noisy electrons, ``noise`` (n,) their deviation, ``drawn``
-    normal variates (0: no jitter), and ``deviation_s`` the deviation of the pulses (None: the detector's own)."""
+    ``light`` and ``amplitude`` (n,) are the expected and the noisy electrons, and ``noise`` (n,) their deviation.
+    ``drawn`` are normal variates (0: no jitter), and ``deviation_s`` is the deviation of the pulses (None: the
+    detector's own).
+    """
     shot = detector.excess_noise * effects.shot_noise
     sigma = detector.deviation_s if deviation_s is None else np.asarray(deviation_s)
     error = np.zeros(light.shape)
@@ -175,7 +184,7 @@ def time_return(
         over = amplitude / detector.threshold_electrons
         if effects.walk:
             error -= sigma * edge_walk_s(1.0, over)
-        # The edge crosses where the light is at the threshold, and so is its noise; the peak is later.
+        # The edge crosses where the light is at the threshold, so the noise belongs to that light; the peak is later.
         steady = np.maximum(noise**2 - shot * light, 0.0)
         least = np.minimum(light, detector.threshold_electrons)
         edge_noise = np.sqrt(steady + shot * least)
@@ -187,12 +196,14 @@ def time_return(
 
 
 def quantize(range_m: Array, step_m: float) -> Array:
-    """Ranges rounded to whole steps; a step of 0 leaves them."""
+    """Round ranges to whole steps; a step of 0 leaves them unchanged."""
     return np.rint(range_m / step_m) * step_m if step_m > 0.0 else range_m
 
 
 def _raise_alarms(detector: Detector, measured: Array, noise: Array, seed: int, scan: int) -> tuple[Array, Array]:
-    """Ranges and whether they are false: the first alarm of noise before the return, or in the gate without one."""
+    """Return ranges, and whether each is false: the first alarm of noise before the return, or in the gate without a
+    return.
+    """
     over = detector.threshold_electrons / np.maximum(noise, 1e-30)
     rate = np.broadcast_to(false_alarm_rate_hz(over, detector.rice_hz) * 2.0 / LIGHT_M_S, measured.shape)
     waited = make_generator(seed, "lidar", scan, ALARMS).standard_exponential(measured.shape)

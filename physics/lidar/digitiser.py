@@ -1,4 +1,4 @@
-"""Waveforms of an analog receiver, as a digitiser stores them of each pulse whose light comes back.
+"""Waveforms of an analog receiver, as a digitiser stores them for each pulse whose light comes back.
 
 A packet is a run of samples. It begins before the first return or false alarm of a pulse and contains every later event
 that fits; an event that does not fit begins another packet. Samples contain the light of all returns of the pulse, and
@@ -30,13 +30,13 @@ from .returns import Returns
 #: Possible numbers of samples in a packet.
 SAMPLE_COUNTS = (64, 128, 256, 512)
 BITS = 16
-#: The stored number for no light. The numbers below it are for negative noise.
+#: The stored number for no light. Numbers below it represent negative noise.
 ZERO = 2**12
 #: Number of steps of the finest gain from no light to the threshold, which is six times the noise by default.
 _STEPS_A_THRESHOLD = 16.0
-#: From the start of a packet to its first return: standard deviations of the pulse, plus samples.
+#: Time from the start of a packet to its first return: standard deviations of the pulse, plus samples.
 _DEVIATIONS, _SAMPLES_BEFORE = 5.0, 8
-#: Samples that are made at a time: about 40 MB for all their data.
+#: Number of samples that are made at a time; all their data take about 40 MB.
 _SAMPLES_AT_ONCE = 2**19
 #: Share of the variance by which noise at a return may differ from its measured value, so that near returns have a
 #: solution.
@@ -45,8 +45,9 @@ _RIDGE = 1e-6
 
 @dataclass(frozen=True)
 class Digitiser:
-    """A packet has ``samples``, ``spacing_ps`` apart in ps. One step of the finest gain is ``step`` electrons in an
-    interval; gain number k has 2^k times larger steps."""
+    """A digitiser with ``samples`` in a packet, ``spacing_ps`` apart in ps. One step of the finest gain is ``step``
+    electrons in an interval; gain number k has 2^k times larger steps.
+    """
 
     samples: int
     spacing_ps: int
@@ -54,29 +55,31 @@ class Digitiser:
 
     @property
     def spacing_m(self) -> float:
-        """Interval between samples as range in metres."""
+        """Interval between samples, as range in metres."""
         return self.spacing_ps * 1e-12 * LIGHT_M_S / 2.0
 
 
 @dataclass(frozen=True)
 class Waves:
-    """The packets that contain returns or false alarms, arrays (k,): ``packet`` int64 is the packet's number in the
-    scan, ``packet_gain`` uint8 its gain, and ``packet_start`` int64 the intervals from the pulse to its first
-    sample."""
+    """The packets that contain returns or false alarms, arrays (k,). ``packet`` int64 is the packet's number in the
+    scan, ``packet_gain`` uint8 its gain, and ``packet_start`` int64 the number of intervals from the pulse to the
+    packet's first sample.
+    """
 
     packet: Array
     packet_gain: Array
     packet_start: Array
 
     def take(self, chosen: slice) -> Waves:
-        """The entries of a slice."""
+        """Take the entries of a slice."""
         return Waves(self.packet[chosen], self.packet_gain[chosen], self.packet_start[chosen])
 
 
 @dataclass(frozen=True)
 class Packets:
-    """Stored numbers ``samples`` (p, s) uint16 of p packets, the ``gain`` (p,) uint8 of each, and the packets in which
-    reported ``returns`` and false ``alarms`` are."""
+    """Packets of a waveform: the stored numbers ``samples`` (p, s) uint16 of p packets, and the ``gain`` (p,) uint8 of
+    each. ``returns`` and ``alarms`` are the packets that contain the reported returns and the false alarms.
+    """
 
     samples: Array
     gain: Array
@@ -85,8 +88,9 @@ class Packets:
 
 
 def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: Instrument, samples: int) -> Digitiser:
-    """The digitiser of a detector. Its interval is half of the pulse's full width or half of 1 / bandwidth, whichever
-    is shorter. Raises IcyMoonError without an analog receiver."""
+    """Make the digitiser of a detector. Its interval is half of the pulse's full width or half of 1 / bandwidth,
+    whichever is shorter. Raises IcyMoonError without an analog receiver, or for too short a pulse.
+    """
     if detector is None:
         raise IcyMoonError(
             "A waveform needs a detector, and this scan has no detector; choose a scanner with one, "
@@ -110,7 +114,8 @@ def make_digitiser(detector: AnalogReceiver | PhotonCounter | None, instrument: 
 @dataclass(frozen=True)
 class _PacketStarts:
     """Packets (p,) of some beams: number of the beam, first sample in intervals after the pulse, and place among the
-    packets of the beam."""
+    packets of the beam.
+    """
 
     beam: Array
     start: Array
@@ -121,7 +126,7 @@ class _PacketStarts:
 
 
 class Recorder:
-    """Makes the packets of one scan, batch by batch, with the same numbers whatever the batches are."""
+    """Makes the packets of one scan, batch by batch; the division into batches does not change them."""
 
     def __init__(self, digitiser: Digitiser, measurement: Measurement) -> None:
         own, instrument = measurement.sensing, measurement.instrument
@@ -137,14 +142,15 @@ class Recorder:
 
     def record(self, found: Returns, chosen: Array, alarm_beam: Array, alarm_m: Array, first: int, end: int) -> Packets:
         """Make the packets of the beams from number ``first`` to before ``end``. ``found`` are all their returns, of
-        which the instrument reports those with indices ``chosen`` (k,). False alarms (a,) are in the order of their
-        beams."""
+        which the instrument reports the returns with indices ``chosen`` (k,). False alarms (a,) are in the order of
+        their beams.
+        """
         own, pulse_m = self.digitiser, self._opaque.deviation_m
         beam = np.concatenate([found.beam[chosen], alarm_beam])
         range_m = np.concatenate([found.range_m[chosen], alarm_m])
         wide_m = np.concatenate([np.hypot(pulse_m, found.spread_m[chosen]), np.full(len(alarm_m), pulse_m)])
         before_m = _DEVIATIONS * wide_m + _SAMPLES_BEFORE * own.spacing_m
-        number, run = _group(beam, range_m, np.minimum(before_m, own.samples // 4 * own.spacing_m), own)
+        number, run = _group_into_packets(beam, range_m, np.minimum(before_m, own.samples // 4 * own.spacing_m), own)
         returns = _Light(self, found, first, end)
         samples = np.zeros((len(run.beam), own.samples), np.uint16)
         gain = np.zeros(len(run.beam), np.uint8)
@@ -160,14 +166,15 @@ class Recorder:
         return Packets(samples, gain, waves.take(slice(len(chosen))), waves.take(slice(len(chosen), None)))
 
     def power(self, label: int) -> DelayTable:
-        """The delays at surfaces with a label; the opaque surface's for a label without a medium."""
+        """Return the delays at surfaces with a label; the opaque surface's for a label without a medium."""
         return self._tables.get(label, self._opaque)
 
     def _make_electrons(
         self, returns: _Light, run: _PacketStarts, alarm_beam: Array, alarm_m: Array, low: int, high: int
     ) -> Array:
-        """Noisy light (p, s) of packets of the beams from ``low`` to before ``high``. Its unit is the electrons of a
-        pulse whose peak is that high."""
+        """Make the noisy light (p, s) of packets of the beams from ``low`` to before ``high``. A sample's unit is the
+        electrons of a pulse whose peak is as high as the sample.
+        """
         own, sensing, detector = self.digitiser, self.measurement.sensing, self.measurement.detector
         light, places, variates = returns.add_up(run)
         base = self.measurement.steady_noise
@@ -185,7 +192,8 @@ class Recorder:
 
     def _correct(self, noise: Array, places: Array, wanted: Array) -> Array:
         """Compute the correction (p, s) that gives noise of variance 1 the ``wanted`` values (p, e) at samples
-        ``places`` (p, e), -1 for none, and keeps its spectrum: the expected noise, given those values."""
+        ``places`` (p, e), -1 for none, and keeps its spectrum. It is the expected noise, given those values.
+        """
         known = places >= 0
         at = np.where(known, places, 0)
         lacks = np.where(known, wanted - np.take_along_axis(noise, at, axis=1), 0.0)
@@ -199,7 +207,7 @@ class Recorder:
         return added
 
     def _store(self, electrons: Array) -> tuple[Array, Array]:
-        """The stored numbers (p, s) and the gains (p,) of packets, from light (p, s) in electrons of a pulse."""
+        """Convert light (p, s), in electrons of a pulse, to the stored numbers (p, s) and the gains (p,) of packets."""
         detector, effects = self.measurement.detector, self.measurement.sensing.effects
         kept = np.minimum(electrons, detector.saturation) if effects.saturation else electrons
         steps = kept * (_STEPS_A_THRESHOLD / detector.threshold_electrons)
@@ -210,7 +218,7 @@ class Recorder:
 
 
 class _Light:
-    """The light of all returns of a batch of beams, without noise."""
+    """The light, without noise, of all returns of a batch of beams."""
 
     def __init__(self, recorder: Recorder, found: Returns, first: int, end: int) -> None:
         measurement = recorder.measurement
@@ -223,8 +231,10 @@ class _Light:
             self._peak_m[own] = found.range_m[own] + recorder.power(label).find(found.range_m[own]).peak_m
 
     def add_up(self, run: _PacketStarts) -> tuple[Array, Array, Array]:
-        """Light (p, s), as electrons of a pulse whose peak is that high; the samples (p, r) at the peaks of r returns,
-        -1 outside the packet; and the normal variates (p, r) of the noise at these peaks."""
+        """Add up the light (p, s) of packets, as electrons of a pulse whose peak is as high as the sample. Also return
+        the samples (p, r) at the peaks of r returns, -1 outside the packet, and the normal variates (p, r) of the noise
+        at these peaks.
+        """
         spacing_m = self._recorder.digitiser.spacing_m
         samples = self._recorder.digitiser.samples
         low, high = np.searchsorted(self._found.beam, run.beam), np.searchsorted(self._found.beam, run.beam, "right")
@@ -241,7 +251,7 @@ class _Light:
         return light, places, variates
 
     def _draw(self, one: Array, at_m: Array) -> Array:
-        """Light (q, s) of the returns with indices (q,) at ranges (q, s)."""
+        """Compute the light (q, s) of the returns with indices (q,) at ranges (q, s) in metres."""
         made, found = np.zeros(at_m.shape), self._found
         for label in np.unique(found.label[one]).tolist():
             own = np.flatnonzero(found.label[one] == label)
@@ -253,9 +263,12 @@ class _Light:
         return made
 
 
-def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) -> tuple[Array, _PacketStarts]:
-    """The number (e,) of the packet of each event, and the packets, sorted by beam and time. A packet must contain
-    ``reach_m`` (e,) before and after an event."""
+def _group_into_packets(
+    beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser
+) -> tuple[Array, _PacketStarts]:
+    """Group events into packets, sorted by beam and time. Return the number (e,) of each event's packet, and the
+    packets. A packet must contain ``reach_m`` (e,) before and after an event.
+    """
     first = np.floor((range_m - reach_m) / digitiser.spacing_m).astype(np.int64)
     last = np.ceil((range_m + reach_m) / digitiser.spacing_m).astype(np.int64)
     order = np.lexsort((first, beam))
@@ -276,7 +289,7 @@ def _group(beam: Array, range_m: Array, reach_m: Array, digitiser: Digitiser) ->
 
 
 def _find_alarms(run: _PacketStarts, beam: Array, range_m: Array, digitiser: Digitiser) -> Array:
-    """The sample (p,) of the false alarm in each packet, -1 without one; beams (a,) have one at most."""
+    """Find the sample (p,) of the false alarm in each packet, -1 without one. A beam (a,) has at most one alarm."""
     if not len(beam):
         return np.full(len(run.beam), -1)
     index = np.minimum(np.searchsorted(beam, run.beam), len(beam) - 1)

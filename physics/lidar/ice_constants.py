@@ -1,6 +1,6 @@
 """Constants of pure ice at the wavelengths of lasers, 400 to 1650 nm.
 
-In the visible they are those of the surfaces' colours; the table continues them into the infrared.
+In the visible they are the constants of the surfaces' colours; the table continues them into the infrared.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _INFRARED_K = np.array([
     5.373e-04, 5.143e-04, 4.908e-04, 4.594e-04, 3.858e-04, 3.105e-04, 2.659e-04, 2.361e-04,
 ])
 # fmt: on
-#: Real part of the refractive index, same source.
+#: Real part of the refractive index, from the same source.
 _REAL_NM = np.array(
     [
         400.0,
@@ -92,7 +92,7 @@ _REAL = np.array(
 
 
 def laser_absorption_1_m(wavelength_nm: float) -> float:
-    """Absorption coefficient 4πk/λ of pure ice in 1/m. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Compute the absorption coefficient 4πk/λ of pure ice in 1/m. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
     _check(wavelength_nm)
     if wavelength_nm <= _VISIBLE_NM:
         return float(ice_absorption_1_m(wavelength_nm))
@@ -101,13 +101,15 @@ def laser_absorption_1_m(wavelength_nm: float) -> float:
 
 
 def refractive_index(wavelength_nm: float) -> float:
-    """Real refractive index n of ice. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Find the real refractive index n of ice. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
     _check(wavelength_nm)
     return float(np.interp(wavelength_nm, _REAL_NM, _REAL))
 
 
 def group_index(wavelength_nm: float) -> float:
-    """Index n - λ dn/dλ, which sets the speed of a pulse in ice. Raises IcyMoonError beyond ``WAVELENGTHS_NM``."""
+    """Compute the group index n - λ dn/dλ, which sets the speed of a pulse in ice. Raises IcyMoonError beyond
+    ``WAVELENGTHS_NM``.
+    """
     slope: Array = np.gradient(_REAL, _REAL_NM)
     return refractive_index(wavelength_nm) - wavelength_nm * float(np.interp(wavelength_nm, _REAL_NM, slope))
 

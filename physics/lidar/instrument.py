@@ -27,11 +27,11 @@ class Instrument:
     """A laser scanner.
 
     ``pulse_j`` is the energy of the pulse of each beam. ``half_angle_rad`` is the half-angle of the beam at 1/e² of its
-    intensity along the rows and across them, ``exit_radius_m`` its radius at the sensor. The receiver has the radius
-    ``aperture_radius_m``, sees a cone of ``field_half_angle_rad``, and is ``separation_m`` beside the transmitter.
-    ``efficiency`` is the transmission of both optics. Surfaces from ``nearest_m`` to ``farthest_m`` are measured;
-    nearer ones only block. Surfaces within ``gate_m`` in range are one return. ``sub_rays`` rays sample a beam. A pulse
-    has the full width ``pulse_fwhm_s`` at half of its height. Raises IcyMoonError for impossible values.
+    intensity along the rows and across them, and ``exit_radius_m`` its radius at the sensor. The receiver has the
+    radius ``aperture_radius_m``, sees a cone of ``field_half_angle_rad``, and is ``separation_m`` beside the
+    transmitter. ``efficiency`` is the transmission of both optics. Surfaces from ``nearest_m`` to ``farthest_m`` are
+    measured; nearer ones only block. Surfaces within ``gate_m`` in range are one return. ``sub_rays`` rays sample a
+    beam. A pulse has the full width ``pulse_fwhm_s`` at half of its height. Raises IcyMoonError for impossible values.
     """
 
     pattern: ScanPattern
@@ -90,8 +90,9 @@ class Instrument:
         return self.pulse_fwhm_s / PULSE_FWHM
 
     def collect(self, range_m: Array) -> Array:
-        """The energy in J that comes back from a surface at ``range_m`` (n,) that meets the whole beam, over its
-        bidirectional reflectance in 1/sr: E η A O(R) / R²."""
+        """Compute the energy in J that comes back from a surface at ``range_m`` (n,) that meets the whole beam, over
+        the surface's bidirectional reflectance in 1/sr: E η A O(R) / R².
+        """
         overlap = compute_overlap(
             range_m,
             self.separation_m,
@@ -104,7 +105,7 @@ class Instrument:
         return np.asarray(self.pulse_j * self.efficiency * area_m2 * overlap / range_m**2)
 
     def count_photons(self, energy_j: Array) -> Array:
-        """The mean number of photons in an energy."""
+        """Compute the mean number of photons in an energy."""
         return np.asarray(energy_j * (self.wavelength_m / (PLANCK_J_S * LIGHT_M_S)))
 
 
@@ -120,8 +121,9 @@ _LENGTHS = {
 
 @dataclass(frozen=True)
 class SensorPose:
-    """The place (3,) of a sensor in metres, and the rotation (3, 3) whose columns are its axes, x forward, y left and z
-    up, in the world. Raises IcyMoonError for a pose without a place or a rotation."""
+    """The place (3,) of a sensor in metres, and the rotation (3, 3) whose columns are the sensor's axes in the world: x
+    forward, y left and z up. Raises IcyMoonError for a pose without a place or a rotation.
+    """
 
     position_m: Array
     rotation: Array
@@ -136,11 +138,11 @@ class SensorPose:
             )
 
     def to_world(self, point_m: Array) -> Array:
-        """Points (n, 3) in the sensor's axes, in the world."""
+        """Transform points (n, 3) from the sensor's axes to the world."""
         return np.asarray(point_m @ self.rotation.T + self.position_m)
 
     def to_sensor(self, point_m: Array) -> Array:
-        """Points (n, 3) of the world, in the sensor's axes."""
+        """Transform points (n, 3) from the world to the sensor's axes."""
         return np.asarray((point_m - self.position_m) @ self.rotation)
 
     @property
@@ -153,7 +155,8 @@ class SensorPose:
 
 def make_pose(position_m: Sequence[float], wxyz: Sequence[float]) -> SensorPose:
     """Make the pose with a quaternion w, x, y, z of any length but 0, from the sensor's axes to the world's. Raises
-    IcyMoonError as ``SensorPose``."""
+    IcyMoonError as ``SensorPose`` does.
+    """
     try:
         rotation = from_quaternion(np.asarray(wxyz, np.float64)) if len(wxyz) == 4 else np.zeros(0)
     except ValueError:
@@ -162,8 +165,9 @@ def make_pose(position_m: Sequence[float], wxyz: Sequence[float]) -> SensorPose:
 
 
 def mount_on_rig(left: Array, aim: str) -> SensorPose:
-    """The pose of a sensor at the left eye, whose pose (4, 4) is in OpenCV's axes: along the camera, or level (LEVEL)
-    along its heading."""
+    """Make the pose of a sensor at the left eye, whose pose ``left`` (4, 4) is in OpenCV's axes. The sensor looks along
+    the camera, or horizontally along its heading if ``aim`` is LEVEL.
+    """
     if aim == "LEVEL":
         x, y = left[:2, 2]
         heading = np.arctan2(y, x) if np.hypot(x, y) > 1e-9 else 0.0

@@ -1,14 +1,14 @@
 """Light of a laser that enters snow or ice and leaves it late: delay, spread, and the range bias that follows.
 
 Light diffuses once it has gone a transport mean free path l*. A pulse that enters along the normal acts as a source at
-depth l*, and light is lost beyond an extrapolated boundary (2/3) l* above the surface. The path inside then has the
+depth l*, and light is lost beyond an extrapolated boundary (2/3) l* above the surface. The path s inside then has the
 inverse Gaussian law of a first passage from z = (5/3) l* with the diffusivity D = l*/3, weakened by exp(-μa s):
 
     z (4πD)^(-1/2) s^(-3/2) exp(-z²/4Ds - μa s)
 
 Photon walks agree (``python benchmarks light_in_ice``). Where ice absorbs strongly, light returns after one backward
-scattering, and paths are exponential. The receiver sees only what leaves toward it, about along the beam: such paths
-are longer than those of all light, which ``ALONG_BEAM`` contains.
+scattering, and paths are exponential. The receiver sees only light that leaves toward it, about along the beam. The
+paths of this light are longer than the paths of all light, which ``ALONG_BEAM`` allows for.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from .ice_constants import group_index, laser_absorption_1_m, refractive_index
 
 #: Depth z over l* for all light that leaves: source depth plus extrapolation length.
 ALL_EXITS = 5.0 / 3.0
-#: Depth z over l* for light that leaves along the beam: fitted to photon walks, whose mean paths and quartiles it
-#: gives within 5 % at μa l* from 0.01 to 0.1. The limit without absorption is (4/3) K(1)²/R(1, 1) = 2 by asymptotic
+#: Depth z over l* for light that leaves along the beam. It is fitted to photon walks, and gives their mean paths and
+#: quartiles within 5 % at μa l* from 0.01 to 0.1. The limit without absorption is (4/3) K(1)²/R(1, 1) = 2 by asymptotic
 #: radiative transfer (escape function and reflectance as in ``surfaces.snow``).
 ALONG_BEAM = 11.0 / 6.0
 #: μa l* above which a single backward scattering is nearer to photon walks than diffusion.
@@ -49,11 +49,12 @@ _MAX_CELLS = 400_000
 
 @dataclass(frozen=True)
 class Medium:
-    """Snow or ice as light sees it.
+    """Optical properties of snow or ice.
 
     ``transport_m`` is the transport mean free path l* in metres (0: light does not enter), ``absorption_1_m`` the
-    absorption μa along the path in 1/m, ``asymmetry`` the mean cosine g of a scattering, ``delay_index`` the optical
-    path over the path, and ``surface_index`` the refractive index behind a smooth surface (1: grains without one).
+    absorption μa along the path in 1/m, and ``asymmetry`` the mean cosine g of a scattering. ``delay_index`` is the
+    optical path over the path, and ``surface_index`` the refractive index behind a smooth surface (1: grains without
+    one). Raises IcyMoonError for impossible values.
     """
 
     title: str
@@ -76,7 +77,7 @@ class Medium:
 
     @property
     def absorbed(self) -> float:
-        """μa l*, the share that is absorbed along a transport mean free path."""
+        """Absorption over a transport mean free path, μa l*."""
         return self.absorption_1_m * self.transport_m
 
     @property
@@ -86,7 +87,7 @@ class Medium:
 
 
 def check_snow(grain_radius_m: float | None, density_kg_m3: float | None) -> None:
-    """Raise IcyMoonError for a radius of grains or a density that no snow has; None is not stated."""
+    """Raise IcyMoonError for a radius of grains or a density that no snow has; None means that it is not stated."""
     if grain_radius_m is not None and not 0.0 < grain_radius_m <= 0.1:
         raise IcyMoonError(f"The grain radius is {grain_radius_m:g} m; give more than 0 and at most 0.1 m.")
     if density_kg_m3 is not None and not 0.0 < density_kg_m3 <= ICE_KG_M3:
@@ -98,7 +99,7 @@ def check_snow(grain_radius_m: float | None, density_kg_m3: float | None) -> Non
 def make_snow(
     grain_radius_m: float, density_kg_m3: float, wavelength_nm: float, asymmetry: float = SNOW_ASYMMETRY
 ) -> Medium:
-    """Snow of grains of an optical radius r.
+    """Make the medium of snow with grains of an optical radius r.
 
     Grains cover twice their cross-section (geometric optics with diffraction), so that l* = 2 ρi r / (3 ρ (1 - g)). A
     share φ = ρ/ρi of the volume is ice, in which paths are B = 1.6 times longer (Libois et al. 2014), hence μa = B φ α.
@@ -119,10 +120,11 @@ def make_snow(
 def make_bubbly_ice(
     bubble_radius_m: float, bubble_share: float, wavelength_nm: float, smooth_surface: bool = False
 ) -> Medium:
-    """Ice with air bubbles of radius a and volume share f: l* = 4a / (3 f (1 - g)), as for the surfaces' colours.
+    """Make the medium of ice with air bubbles of radius a and volume share f: l* = 4a / (3 f (1 - g)), as for the
+    surfaces' colours.
 
-    With ``smooth_surface`` the surface reflects leaving light back by Fresnel's formulas, which lengthens paths;
-    weathered ice rather has frost on it. Raises IcyMoonError for a radius or share that no ice has.
+    With ``smooth_surface`` the surface reflects leaving light back by Fresnel's formulas, which lengthens paths.
+    Weathered ice has frost on it instead. Raises IcyMoonError for a radius or share that no ice has.
     """
     if not 0.0 < bubble_radius_m <= 1.0:
         raise IcyMoonError(f"The bubble radius is {bubble_radius_m:g} m; give more than 0 and at most 1 m.")
@@ -139,8 +141,9 @@ def make_bubbly_ice(
 
 
 def find_medium(surface: SurfaceSettings, density_kg_m3: float, wavelength_nm: float) -> Medium | None:
-    """The medium of a surface's settings: its bubbles, or the grains of its snow with a density in kg/m³. None where
-    the settings state neither, so that range is measured to the surface."""
+    """Make the medium of a surface's settings: its bubbles, or the grains of its snow with a density in kg/m³. None
+    where the settings state neither, so that range is measured to the surface.
+    """
     if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0:
         share = min(float(surface.bubble_share), 0.69)
         return make_bubbly_ice(float(surface.bubble_radius_m), share, wavelength_nm)
@@ -150,12 +153,15 @@ def find_medium(surface: SurfaceSettings, density_kg_m3: float, wavelength_nm: f
 
 
 def extrapolation_factor(surface_index: float) -> float:
-    """Factor A on the extrapolation length by light that a smooth surface reflects back: (1 + 3 R₂)/(1 - 2 R₁) with
-    the moments R₁ = ∫ R μ dμ and R₂ = ∫ R μ² dμ of Fresnel's reflectance (Contini et al. 1997, Applied Optics 36,
-    4587); 1 without a surface."""
+    """Compute the factor A on the extrapolation length by light that a smooth surface reflects back; 1 without a
+    surface.
+
+    A = (1 + 3 R₂)/(1 - 2 R₁), with the moments R₁ = ∫ R μ dμ and R₂ = ∫ R μ² dμ of Fresnel's reflectance (Contini et
+    al. 1997, Applied Optics 36, 4587).
+    """
     if surface_index == 1.0:
         return 1.0
-    # Below the critical angle's cosine all is reflected; above it a square removes the root in Fresnel's formulas.
+    # Below the critical cosine all light is reflected; above it a square removes the root in Fresnel's formulas.
     critical = math.sqrt(1.0 - 1.0 / surface_index**2)
     x, weight = np.polynomial.legendre.leggauss(32)
     x = (x + 1.0) / 2.0
@@ -170,32 +176,36 @@ def extrapolation_factor(surface_index: float) -> float:
 
 
 def start_depth_m(medium: Medium, depth: float = ALONG_BEAM) -> float:
-    """Depth z in metres from which the law's first passage starts; ``depth`` is z/l* without a smooth surface.
+    """Compute the depth z in metres from which the law's first passage starts; ``depth`` is z/l* without a smooth
+    surface.
 
-    Under a smooth surface z is (1 + 2A/3) l* for light in all directions. Mean paths are then 3 to 16 % longer than
-    those of photon walks with μa l* of 0.01 and 0.03."""
+    Under a smooth surface z is (1 + 2A/3) l* for light in all directions. Mean paths are then 3 to 16 % longer than in
+    photon walks with μa l* of 0.01 and 0.03.
+    """
     if medium.surface_index > 1.0:
         depth = 1.0 + 2.0 / 3.0 * extrapolation_factor(medium.surface_index)
     return medium.transport_m * depth
 
 
 def backscatter_1_m(medium: Medium) -> float:
-    """Coefficient of scattering backward, by Henyey and Greenstein's phase function."""
+    """Compute the coefficient of backward scattering in 1/m, by Henyey and Greenstein's phase function."""
     g = medium.asymmetry
     back = 0.5 if abs(g) < 1e-6 else (1.0 - g) / (2.0 * g) * ((1.0 + g) / math.sqrt(1.0 + g * g) - 1.0)
     return back / (medium.transport_m * (1.0 - g))
 
 
 def plane_albedo(medium: Medium) -> float:
-    """Share of a pulse along the normal that leaves again in any direction: exp(-(z/l*) √(3 μa l*))."""
+    """Compute the share of a pulse along the normal that leaves again in any direction: exp(-(z/l*) √(3 μa l*))."""
     z = start_depth_m(medium, ALL_EXITS)
     return math.exp(-z * math.sqrt(medium.absorption_1_m / medium.diffusivity_m)) if z else 1.0
 
 
 def mean_path_m(medium: Medium, depth: float = ALONG_BEAM) -> float:
-    """Mean path inside in metres: z / (2 √(D μa)), infinite without absorption. Where absorption is strong it is
-    1/(μa + μb), by Gordon's quasi-single scattering (1973, Applied Optics 12, 2803), times (8/11) z/l* for light that
-    is scattered again."""
+    """Compute the mean path inside in metres: z / (2 √(D μa)), infinite without absorption.
+
+    Where absorption is strong it is 1/(μa + μb), by Gordon's quasi-single scattering (1973, Applied Optics 12, 2803),
+    times (8/11) z/l* for light that is scattered again.
+    """
     if medium.transport_m == 0.0:
         return 0.0
     if medium.absorbed > STRONG_ABSORPTION:
@@ -206,7 +216,7 @@ def mean_path_m(medium: Medium, depth: float = ALONG_BEAM) -> float:
 
 
 def path_density_1_m(medium: Medium, path_m: Numbers, depth: float = ALONG_BEAM) -> Array:
-    """Density in 1/m of the path s inside for light that leaves; its integral over all paths is 1."""
+    """Compute the density in 1/m of the path s inside for light that leaves; its integral over all paths is 1."""
     s = np.asarray(path_m, np.float64)
     if medium.absorbed > STRONG_ABSORPTION:
         mean = mean_path_m(medium, depth)
@@ -219,7 +229,7 @@ def path_density_1_m(medium: Medium, path_m: Numbers, depth: float = ALONG_BEAM)
 
 
 def draw_paths_m(medium: Medium, count: int, random: np.random.Generator, depth: float = ALONG_BEAM) -> Array:
-    """Paths inside (count,) in metres, one for each photon that leaves."""
+    """Draw the paths inside (count,) in metres, one for each photon that leaves."""
     if medium.transport_m == 0.0:
         return np.zeros(count)
     mean = mean_path_m(medium, depth)
@@ -232,9 +242,9 @@ def draw_paths_m(medium: Medium, count: int, random: np.random.Generator, depth:
 
 
 def share_in_field(medium: Medium, path_m: Numbers, field_radius_m: float, spot_radius_m: float = 0.0) -> Array:
-    """Share of the light of a path that leaves within the receiver's field, a disc about the beam's centre.
+    """Compute the share of the light of a path that leaves within the receiver's field, a disc about the beam's centre.
 
-    Light of path s has the variance 2Ds on each axis, to which a beam of 1/e² radius w adds w²/4.
+    Light of path s has the variance 2Ds on each axis; a beam of 1/e² radius w adds w²/4.
     """
     s = np.asarray(path_m, np.float64)
     if math.isinf(field_radius_m):
@@ -244,8 +254,9 @@ def share_in_field(medium: Medium, path_m: Numbers, field_radius_m: float, spot_
 
 
 def energy_in_field(medium: Medium, field_radius_m: float, depth: float = ALONG_BEAM) -> float:
-    """Share of all light that leaves within a disc about a narrow beam: 1 - (z/q) exp(-(q - z) √(μa/D)) with
-    q² = z² + ρ², the integral of ``share_in_field`` over the inverse Gaussian law."""
+    """Compute the share of all light that leaves within a disc of radius ρ about a narrow beam: 1 - (z/q) exp(-(q - z)
+    √(μa/D)) with q² = z² + ρ². It is the integral of ``share_in_field`` over the inverse Gaussian law.
+    """
     z = start_depth_m(medium, depth)
     if z == 0.0 or math.isinf(field_radius_m):
         return 1.0
@@ -255,12 +266,12 @@ def energy_in_field(medium: Medium, field_radius_m: float, depth: float = ALONG_
 
 @dataclass(frozen=True)
 class Receiver:
-    """What a pulse and a receiver make of the delays.
+    """A pulse and a receiver, which measure the delays.
 
-    ``pulse_fwhm_s`` is the full width of the Gaussian pulse at half its height, ``gate_m`` the range behind the surface
-    to which the centroid counts, ``field_radius_m`` the radius of the field of view on the ground, ``spot_radius_m``
-    the 1/e² radius of the beam there, and ``surface_share`` the share of the return that the surface itself reflects
-    without delay.
+    ``pulse_fwhm_s`` is the full width of the Gaussian pulse at half its height, and ``gate_m`` the range behind the
+    surface to which the centroid counts. ``field_radius_m`` is the radius of the field of view on the ground, and
+    ``spot_radius_m`` the 1/e² radius of the beam there. ``surface_share`` is the share of the return that the surface
+    itself reflects without delay. Raises IcyMoonError for impossible values.
     """
 
     pulse_fwhm_s: float
@@ -284,7 +295,7 @@ class Receiver:
 
     @property
     def deviation_m(self) -> float:
-        """Standard deviation of the pulse as range in metres."""
+        """Standard deviation of the pulse, as range in metres."""
         return self.pulse_fwhm_s / FWHM * LIGHT_M_S / 2.0
 
 
@@ -298,7 +309,9 @@ class Waveform:
 
 
 def make_waveform(medium: Medium, receiver: Receiver, depth: float = ALONG_BEAM) -> Waveform:
-    """The pulse, delayed by the paths in a medium: apparent range is delay times c/2, so half the optical path."""
+    """Compute the pulse as the paths in a medium delay it. Apparent range is delay times c/2, so half the optical
+    path.
+    """
     deviation = receiver.deviation_m
     step = deviation / _CELLS_A_DEVIATION
     before = round(_DEVIATIONS * _CELLS_A_DEVIATION)
@@ -311,7 +324,7 @@ def make_waveform(medium: Medium, receiver: Receiver, depth: float = ALONG_BEAM)
         first = np.floor(place).astype(np.int64)
         inside = first < count - 1
         first, part, mass = first[inside], (place - first)[inside], (1.0 - receiver.surface_share) * mass[inside]
-        # Each mass goes to two cells, so that neither it nor its place is rounded.
+        # Each mass is divided between two cells, so that neither the mass nor its place is rounded.
         delayed += np.bincount(first, mass * (1.0 - part), count) + np.bincount(first + 1, mass * part, count)
     offset = np.arange(-before, before + 1) / _CELLS_A_DEVIATION
     pulse = np.exp(-(offset**2) / 2.0)
@@ -320,7 +333,9 @@ def make_waveform(medium: Medium, receiver: Receiver, depth: float = ALONG_BEAM)
 
 
 def _split_law(medium: Medium, receiver: Receiver, depth: float) -> tuple[Array, Array]:
-    """Paths (n,) in metres, fine for both the law and the pulse, and the share of the light that each stands for."""
+    """Split the law of paths at steps that are fine for both the law and the pulse. Return the paths (n,) in metres,
+    and the share (n,) of the light that each stands for.
+    """
     farthest = 2.0 * receiver.gate_m / medium.delay_index
     scale = min(mean_path_m(medium, depth), start_depth_m(medium, depth))
     spacing = receiver.deviation_m / _NODES_A_DEVIATION
@@ -336,7 +351,8 @@ def _split_law(medium: Medium, receiver: Receiver, depth: float) -> tuple[Array,
 @dataclass(frozen=True)
 class RangeBias:
     """The excess of a range in metres if the receiver times half of the peak on the rising edge, the peak, or the
-    centroid in the gate; and the share of the light that the receiver sees in the gate."""
+    centroid in the gate. ``energy`` is the share of the light that the receiver sees in the gate.
+    """
 
     edge_m: float
     peak_m: float
@@ -346,7 +362,7 @@ class RangeBias:
 
 @dataclass(frozen=True)
 class ReturnBiases:
-    """As ``RangeBias``, arrays (n,) with a number for each return."""
+    """The numbers of ``RangeBias`` for each return, as arrays (n,)."""
 
     edge_m: Array
     peak_m: Array
@@ -355,7 +371,7 @@ class ReturnBiases:
 
 
 def measure_bias(medium: Medium, receiver: Receiver, depth: float = ALONG_BEAM) -> RangeBias:
-    """The bias of a medium, against a hard surface with the same pulse and the same gate."""
+    """Measure the bias of a medium, relative to a hard surface with the same pulse and the same gate."""
     wave = make_waveform(medium, receiver, depth)
     hard = make_waveform(replace(medium, transport_m=0.0), receiver)
     edge, peak, centroid = (a - b for a, b in zip(_time_waveform(wave), _time_waveform(hard), strict=True))
@@ -364,7 +380,7 @@ def measure_bias(medium: Medium, receiver: Receiver, depth: float = ALONG_BEAM) 
 
 
 def _time_waveform(wave: Waveform) -> tuple[float, float, float]:
-    """Range of the rising half, the peak and the centroid of a waveform, in metres."""
+    """Find the ranges in metres of the rising half, the peak and the centroid of a waveform."""
     power, step = wave.power, wave.range_m[1] - wave.range_m[0]
     top = int(np.argmax(power))
     rising = int(np.argmax(power >= power[top] / 2.0))
@@ -380,10 +396,12 @@ def _time_waveform(wave: Waveform) -> tuple[float, float, float]:
 def measure_return_biases(
     medium: Medium, receiver: Receiver, field_radius_m: Array, depth: float = ALONG_BEAM, nodes: int = 24
 ) -> ReturnBiases:
-    """The true biases (n,) of returns from one medium. ``field_radius_m`` (n,) is the radius in metres of the
+    """Measure the true biases (n,) of returns from one medium. ``field_radius_m`` (n,) is the radius in metres of the
     receiver's field at each return's range.
 
-    Biases are computed at ``nodes`` radii and interpolated in the radius' logarithm; exact if all radii are equal."""
+    Biases are computed at ``nodes`` radii and interpolated in the logarithm of the radius; they are exact if all radii
+    are equal.
+    """
     radius = np.asarray(field_radius_m, np.float64)
     if radius.size == 0:
         return ReturnBiases(*(np.zeros(radius.shape) for _ in range(4)))

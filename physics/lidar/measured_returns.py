@@ -1,7 +1,7 @@
 """Ranges and intensities of the returns of a scan as the scanner's detector measures them, and its false alarms.
 
-A photodiode with a threshold (``AnalogReceiver``) measures each return by itself. A counter of single photons
-(``PhotonCounter``) stops at the first photon of a beam. Ice delays light before either of them.
+A photodiode with a threshold (``AnalogReceiver``) measures each return separately. A counter of single photons
+(``PhotonCounter``) stops at the first photon of a beam. Ice delays light before it reaches either detector.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ _S_PER_M = 2.0 / LIGHT_M_S
 class AnalogReceiver:
     """An avalanche photodiode whose threshold is at ``threshold`` times its noise without light. ``timing``,
     ``jitter_s``, ``resolution_m`` and ``saturation`` (in electrons) are as in ``Detector``. With ``corrects_walk`` the
-    instrument subtracts the walk that a pulse of the measured intensity has."""
+    instrument subtracts the walk that a pulse of the measured intensity has.
+    """
 
     apd: Apd
     threshold: float = 6.0
@@ -46,7 +47,7 @@ class AnalogReceiver:
     corrects_walk: bool = True
 
     def make_detector(self, instrument: Instrument) -> Detector:
-        """The detector in electrons of a pulse. Raises IcyMoonError for impossible figures."""
+        """Make the detector in electrons of a pulse. Raises IcyMoonError for impossible figures."""
         # A pulse of N electrons has the peak N/(σ √2π) per second.
         length_s = instrument.pulse_deviation_s * math.sqrt(2.0 * math.pi)
         quiet = Effects(shot_noise=False, dark_counts=False)
@@ -67,14 +68,15 @@ class AnalogReceiver:
         )
 
     def find_dark_electrons(self, instrument: Instrument) -> float:
-        """Electrons of the dark current in the length of a pulse."""
+        """Compute the electrons of the dark current in the length of a pulse."""
         return self.apd.dark_a / ELECTRON_C * instrument.pulse_deviation_s * math.sqrt(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
 class PhotonCounter:
     """A detector that fires once a beam, at the first photon after the gate opens: its quantum efficiency, dark counts
-    in Hz, jitter in s, and the step of the range in metres."""
+    in Hz, jitter in s, and the step of the range in metres. Raises IcyMoonError for impossible values.
+    """
 
     efficiency: float = 0.3
     dark_hz: float = 1e4
@@ -93,28 +95,30 @@ class PhotonCounter:
 
 @dataclass(frozen=True)
 class Measured:
-    """Measurements (k,) of returns: ``measured_range_m``, NaN for a return that is lost; ``measured_electrons``, the
-    intensity as electrons of a pulse of its height (counts of a photon counter), 0 for a lost one; and ``ice_delay_m``,
-    the part of the range that is delay in ice, as the detector times it without noise."""
+    """Measurements (k,) of returns. ``measured_range_m`` is NaN for a lost return. ``measured_electrons`` is the
+    intensity as electrons of a pulse of its height (counts of a photon counter), 0 for a lost return. ``ice_delay_m``
+    is the part of the range that is delay in ice, as the detector times it without noise.
+    """
 
     measured_range_m: Array
     measured_electrons: Array
     ice_delay_m: Array
 
     def take(self, chosen: Array) -> Measured:
-        """Some of the measurements, by a mask or by indices."""
+        """Take some of the measurements, by a mask or by indices."""
         return Measured(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     @property
     def detected(self) -> Array:
-        """Whether (k,) a return is detected."""
+        """Whether each return (k,) is detected."""
         return np.isfinite(self.measured_range_m)
 
 
 @dataclass(frozen=True)
 class Alarms:
     """False alarms: the numbers of their beams (a,), their ranges (a,) in metres, and points (a, 3) in the axes of
-    ``Returns.point_m``."""
+    ``Returns.point_m``.
+    """
 
     beam: Array
     range_m: Array
@@ -123,9 +127,11 @@ class Alarms:
 
 @dataclass(frozen=True)
 class Sensing:
-    """The causes of delay and noise: ``media`` by the label of triangles (a label without a medium is opaque), the
-    ``detector`` if there is one, sunlight on it in photons per second, its effects, and the seed and number of the
-    scan. ``gate_m`` is the range behind a surface to which light from ice counts."""
+    """The causes of delay and noise. ``media`` are by the label of triangles; a label without a medium is opaque.
+    ``detector`` is None if ranges are not measured. ``sunlight_1_s`` is the sunlight on the detector in photons per
+    second. ``effects`` are the simulated effects; ``seed`` and ``scan`` choose the random numbers. ``gate_m`` is the
+    range behind a surface to which light from ice counts.
+    """
 
     media: Mapping[int, Medium]
     detector: AnalogReceiver | PhotonCounter | None = None
@@ -139,9 +145,10 @@ class Sensing:
 @dataclass(frozen=True)
 class Pulses:
     """Returns (k,) in an analog receiver. ``whole`` are the electrons of all light of a return; ``light`` are the
-    electrons of an undistorted pulse with the return's peak. ``deviation_s`` is the pulse's standard deviation,
-    ``noise`` the noise at the peak in electrons, ``drawn`` (2, k) the normal variates of amplitude and jitter,
-    ``amplitude`` the noisy ``light``, and ``centroid_m`` the delay of the centroid in ice in metres."""
+    electrons of an undistorted pulse with the return's peak. ``deviation_s`` is the pulse's standard deviation, and
+    ``noise`` the noise at the peak in electrons. ``drawn`` (2, k) are the normal variates of amplitude and jitter,
+    ``amplitude`` is the noisy ``light``, and ``centroid_m`` the delay of the centroid in ice in metres.
+    """
 
     whole: Array
     light: Array
@@ -153,10 +160,10 @@ class Pulses:
 
 
 class Measurement:
-    """Measures the returns of one scan, batch by batch, with the same numbers whatever the batches are."""
+    """Measures the returns of one scan, batch by batch; the division into batches does not change the numbers."""
 
     def __init__(self, instrument: Instrument, sensing: Sensing) -> None:
-        """Raises IcyMoonError for a detector that cannot measure with this instrument."""
+        """Prepare the measurement. Raises IcyMoonError for a detector without a farthest range of the instrument."""
         self.instrument, self.sensing = instrument, sensing
         if sensing.detector is not None and not math.isfinite(instrument.farthest_m):
             raise IcyMoonError(
@@ -168,8 +175,9 @@ class Measurement:
         self._opaque = DelayTable(_OPAQUE, instrument, sensing.gate_m)
 
     def delay(self, found: Returns) -> dict[str, Array]:
-        """The delays of returns (k,) in ice: arrays ``ice_edge_m``, ``ice_peak_m``, ``ice_centroid_m`` and
-        ``ice_energy``, see ``IceDelays``; empty if no surface is ice."""
+        """Find the delays of returns (k,) in ice: arrays ``ice_edge_m``, ``ice_peak_m``, ``ice_centroid_m`` and
+        ``ice_energy``, see ``IceDelays``; empty if no surface is ice.
+        """
         if not self._tables:
             return {}
         edge, peak, centroid, energy, _ = self._delays(found)
@@ -177,19 +185,20 @@ class Measurement:
 
     def measure(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
         """Measure all returns of the beams from number ``first`` to before ``end``, in the order of ``find_returns``.
-        Also returns the numbers (a,) of the beams with a false alarm, and the alarms' ranges (a,) in metres."""
+        Also return the numbers (a,) of the beams with a false alarm, and the alarms' ranges (a,) in metres.
+        """
         detector = self.sensing.detector
         assert detector is not None
         run = self._count_photons if isinstance(detector, PhotonCounter) else self._compare
         return run(found, first, end)
 
     def _by_medium(self, found: Returns) -> list[tuple[DelayTable, Array]]:
-        """The table of each surface that returns come from, with the indices of these returns."""
+        """List the delay table of each surface from which returns come, with the indices of these returns."""
         labels = np.unique(found.label).tolist()
         return [(self._tables.get(label, self._opaque), np.flatnonzero(found.label == label)) for label in labels]
 
     def _delays(self, found: Returns) -> Array:
-        """The values of ``IceDelays`` of returns (5, k): edge, peak, centroid, energy and height."""
+        """Return the values of ``IceDelays`` (5, k) of returns: edge, peak, centroid, energy and height."""
         made = np.zeros((5, len(found)))
         for table, own in self._by_medium(found):
             each = table.find(found.range_m[own])
@@ -217,7 +226,9 @@ class Measurement:
         return float(find_noise(self.detector, np.asarray(self.background_electrons), self.sensing.effects))
 
     def expect_pulses(self, found: Returns, first: int, end: int) -> Pulses:
-        """The pulses in an analog receiver of all returns (k,) of the beams from number ``first`` to before ``end``."""
+        """Compute the pulses in an analog receiver of all returns (k,) of the beams from number ``first`` to before
+        ``end``.
+        """
         own, effects, detector = self.sensing, self.sensing.effects, self.detector
         receiver = own.detector
         assert isinstance(receiver, AnalogReceiver)
@@ -232,7 +243,7 @@ class Measurement:
         return Pulses(whole, light, deviation_s, noise, drawn, light + noise * drawn[0], centroid)
 
     def _compare(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
-        """``measure`` with an analog receiver."""
+        """Measure as ``measure`` does, with an analog receiver."""
         effects, detector, receiver = self.sensing.effects, self.detector, self.sensing.detector
         assert isinstance(receiver, AnalogReceiver)
         base, pulses = self.steady_noise, self.expect_pulses(found, first, end)
@@ -264,9 +275,10 @@ class Measurement:
     def _raise_alarms(
         self, found: Returns, measured: Measured, rate_hz: float, first: int, end: int
     ) -> tuple[Array, Array]:
-        """Return the beams and ranges, m, of reported false alarms: the first in the gate, or the last if the
-        instrument reports the last return. An instrument with one return per beam reports an alarm only instead of a
-        return."""
+        """Return the beams and ranges, m, of reported false alarms: the first alarm in the gate, or the last if the
+        instrument reports the last return. An instrument with one return per beam reports an alarm only in place of a
+        return.
+        """
         near, far = self.instrument.nearest_m, self.instrument.farthest_m
         wait_m = draw_beam_waits(first, end, self.sensing.seed, self.sensing.scan)
         wait_m = wait_m / max(rate_hz * _S_PER_M, 1e-300)
@@ -289,8 +301,9 @@ class Measurement:
         return beam + first, at
 
     def _count_photons(self, found: Returns, first: int, end: int) -> tuple[Measured, Array, Array]:
-        """``measure`` with a photon counter, which stops at the first photon of each beam: where the expected photons
-        since the gate opened reach an exponential variate."""
+        """Measure as ``measure`` does, with a photon counter. It stops at the first photon of each beam: where the
+        expected photons since the gate opened reach an exponential variate.
+        """
         own, effects = self.sensing, self.sensing.effects
         counter = own.detector
         assert isinstance(counter, PhotonCounter)
@@ -323,7 +336,9 @@ class Measurement:
         return measured, beam + first, at[beam]
 
     def _time_photons(self, found: Returns, share: Array, first: int, end: int) -> tuple[Array, Array]:
-        """Range and delay in ice (k,) of photons with a share (k,) of their return's light before them."""
+        """Compute the range and the delay in ice (k,), m, of photons with a share (k,) of their return's light before
+        them.
+        """
         counter, own = self.sensing.detector, self.sensing
         assert isinstance(counter, PhotonCounter)
         delay = np.zeros(len(found))
@@ -339,8 +354,10 @@ class Measurement:
 
 
 def select_measured(found: Returns, measured: Measured, reported: str) -> Array:
-    """Indices of the returns that an instrument reports: all, or one of each beam, chosen among detected returns by
-    measured range or intensity. A beam without a detected return keeps the return chosen by true range or energy."""
+    """Select the indices of the returns that an instrument reports: all, or one of each beam, chosen among detected
+    returns by measured range or intensity. A beam without a detected return keeps the return chosen by true range or
+    energy.
+    """
     if reported == "ALL" or not len(found):
         return np.arange(len(found))
     true = {"FIRST": found.range_m, "LAST": -found.range_m, "STRONGEST": -found.energy_j}[reported]

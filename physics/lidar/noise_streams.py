@@ -1,5 +1,6 @@
-"""The effects of a detector that can be switched off, each with its own random stream, so that one switched off changes
-no other."""
+"""The effects of a detector that can be switched off. Each has its own random stream, so that switching one off changes
+no other.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ import numpy as np
 from ...support.arrays import Array
 from ..random_numbers.seeds import make_generator
 
-#: The child of the seed stream "lidar" and the scan's number from which each effect draws; never renumbered.
+#: The child of the seed stream "lidar" and of the scan's number, from which each effect draws; never renumber them.
 AMPLITUDE, JITTER, ALARMS, WAVEFORM, ARRIVALS, RETURNS, GATES = range(7)
 #: Number of returns of a beam, and of packets of its waveform, with independent random numbers; later returns and
 #: packets use the same numbers again.
@@ -19,7 +20,7 @@ _SLOTS = 4
 
 @dataclass(frozen=True)
 class Effects:
-    """Which effects of a detector are simulated."""
+    """The effects of a detector: each is simulated if true."""
 
     shot_noise: bool = True  # of signal and background
     amplifier_noise: bool = True
@@ -36,9 +37,10 @@ IDEAL = Effects(False, False, False, False, False, False, False, False)
 
 
 def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: int, scan: int = 0) -> Array:
-    """Two normal variates (2, k) for each of k returns of the beams from number ``first`` to before ``end``. They
+    """Draw two normal variates (2, k) for each of k returns of the beams from number ``first`` to before ``end``. They
     depend only on seed, scan, the number of the beam and the return's ``order`` in it, not on the beams processed
-    together."""
+    together.
+    """
     random = make_generator(seed, "lidar", scan, RETURNS)
     _skip(random, first * _SLOTS * 2)
     drawn = random.random((end - first, _SLOTS, 2))[beam - first, (order.astype(np.int64) - 1) % _SLOTS]
@@ -49,8 +51,9 @@ def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: i
 def draw_sample_normals(
     beam: Array, slot: Array, first: int, end: int, samples: int, seed: int, scan: int = 0
 ) -> Array:
-    """Normal variates (p, samples) for packets of the beams from number ``first`` to before ``end``. They depend only
-    on seed, scan, the number ``beam`` (p,) and the packet's ``slot`` (p,) in the beam. ``samples`` is even."""
+    """Draw normal variates (p, samples) for packets of the beams from number ``first`` to before ``end``. They depend
+    only on seed, scan, the number ``beam`` (p,) and the packet's ``slot`` (p,) in the beam. ``samples`` must be even.
+    """
     drawn = np.zeros((len(beam), samples))
     for one in np.unique(slot % _SLOTS).tolist():
         random = make_generator(seed, "lidar", scan, WAVEFORM, one)
@@ -63,15 +66,16 @@ def draw_sample_normals(
 
 
 def draw_beam_waits(first: int, end: int, seed: int, scan: int = 0) -> Array:
-    """An exponential variate of mean 1 for each beam from number ``first`` to before ``end``; it depends on seed, scan
-    and number."""
+    """Draw an exponential variate of mean 1 for each beam from number ``first`` to before ``end``. It depends on seed,
+    scan and the beam's number.
+    """
     random = make_generator(seed, "lidar", scan, GATES)
     _skip(random, first)
     return np.asarray(-np.log1p(-random.random(end - first)))
 
 
 def _skip(random: np.random.Generator, count: int) -> None:
-    """Skip ``count`` doubles of a generator, each of which takes one 64-bit number."""
+    """Skip ``count`` doubles of a generator; each double takes one 64-bit number."""
     bits = random.bit_generator
     assert isinstance(bits, np.random.PCG64)
     bits.advance(count)

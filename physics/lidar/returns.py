@@ -1,4 +1,4 @@
-"""Pulses that come back: rays of a beam that meet surfaces at like distances are one return."""
+"""Pulses that come back: rays of a beam that meet surfaces at similar distances are one return."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from ...support.arrays import Array
 from .beam import SubRays
 
-#: The gate of a beam of n rays is longer by this number over n. With it 20 and 60 rays divide rocks as 2401 rays do;
-#: the study ``lidar_beams`` in benchmarks/ measures it.
+#: The gate of a beam of n rays is wider by the share of this number over n. With it 20 and 60 rays divide rocks as 2401
+#: rays do; the study ``lidar_beams`` in benchmarks/ measures it.
 _GATE_PER_RAY = 2.5
 #: The returns of a beam that an instrument reports.
 Reported = Literal["ALL", "FIRST", "STRONGEST", "LAST"]
@@ -20,9 +20,11 @@ Reported = Literal["ALL", "FIRST", "STRONGEST", "LAST"]
 
 @dataclass(frozen=True)
 class Echoes:
-    """The places where the n rays of m beams meet surfaces: ``range_m`` (m, n), infinite without one; ``energy_j``
-    (m, n) that comes back; unit vectors ``direction`` and ``normal`` (m, n, 3), the normal on the side of the sensor;
-    ``label`` and ``number`` (m, n) of what is met, as in ``rays.shapes``. The first ray is the axis of the beam."""
+    """The places where the n rays of m beams meet surfaces. ``range_m`` (m, n) is infinite without a surface, and
+    ``energy_j`` (m, n) is the energy that comes back. ``direction`` and ``normal`` (m, n, 3) are unit vectors, the
+    normal on the side of the sensor. ``label`` and ``number`` (m, n) belong to the surface, as in ``rays.shapes``. The
+    first ray is the axis of the beam.
+    """
 
     range_m: Array
     energy_j: Array
@@ -36,11 +38,11 @@ class Echoes:
 class Returns:
     """Returns (k,) in the order of their beams, and by range within a beam.
 
-    ``beam`` int64 is the beam's number; ``order`` and ``of`` uint8 are the return's number in the beam, from 1, and how
-    many returns the beam has. ``range_m`` is the mean range of the return's rays, weighted by the energy that each
-    brings back, ``energy_j`` the sum of these energies, ``spread_m`` the standard deviation of the ranges, and
-    ``share`` the share of the pulse that met these surfaces. ``point_m`` (k, 3) is at this range along the beam's axis,
-    in the axes of ``direction``.
+    ``beam`` int64 is the beam's number. ``order`` uint8 is the return's number in the beam, from 1, and ``of`` uint8
+    the number of returns of the beam. ``range_m`` is the mean range of the return's rays, weighted by the energy that
+    each brings back. ``energy_j`` is the sum of these energies, and ``spread_m`` the standard deviation of the ranges.
+    ``share`` is the share of the pulse that met these surfaces. ``point_m`` (k, 3) is at the mean range along the
+    beam's axis, in the axes of ``direction``.
 
     The truth belongs to one surface: the surface on the beam's axis if the axis is part of the return (``on_axis``),
     otherwise the surface of the return's ray nearest to the axis. It is ``true_range_m``, ``true_point_m`` (k, 3),
@@ -67,12 +69,12 @@ class Returns:
         return len(self.beam)
 
     def take(self, chosen: Array) -> Returns:
-        """Some of the returns, by a mask or by indices."""
+        """Take some of the returns, by a mask or by indices."""
         return Returns(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
 
 
 def find_returns(echoes: Echoes, rays: SubRays, gate_m: float, first_beam: int = 0) -> Returns:
-    """The returns of beams whose rays are ``rays``.
+    """Find the returns of beams whose rays are ``rays``.
 
     A return ends where the next ray is farther by more than the gate, unless two neighbouring rays on both sides of
     this gap meet one surface: the plane at one hit comes within ``gate_m`` of the other hit. So a plane at a grazing
@@ -94,7 +96,7 @@ def find_returns(echoes: Echoes, rays: SubRays, gate_m: float, first_beam: int =
 
 
 def _number_groups(echoes: Echoes, beams: Array, ray: Array, rays: SubRays, gate_m: float) -> Array:
-    """The number of the return (h,) of each hit; hits (h,) are sorted by beam and range."""
+    """Number the return (h,) of each hit; hits (h,) are sorted by beam and range."""
     range_m = echoes.range_m[beams, ray]
     begins = np.ones(len(beams), bool)
     begins[1:] = np.diff(beams) > 0
@@ -116,7 +118,7 @@ def _number_groups(echoes: Echoes, beams: Array, ray: Array, rays: SubRays, gate
 
 
 def _are_one_surface(echoes: Echoes, beams: Array, edges: Array, gate_m: float) -> Array:
-    """Whether neighbouring rays (e, 2) of ``beams`` (b,) meet one surface, (b, e)."""
+    """Return whether neighbouring rays (e, 2) of ``beams`` (b,) meet one surface, bool (b, e)."""
     range_m, normal, direction = echoes.range_m[beams], echoes.normal[beams], echoes.direction[beams]
     one, other = edges.T
     found = np.zeros((len(beams), len(edges)), bool)
@@ -131,7 +133,7 @@ def _are_one_surface(echoes: Echoes, beams: Array, edges: Array, gate_m: float) 
 
 
 def _measure_groups(echoes: Echoes, beams: Array, ray_of_hit: Array, group: Array, rays: SubRays) -> Returns:
-    """The returns of groups of hits, numbered from 0; ``order`` and ``of`` are left 0."""
+    """Measure the returns of groups of hits, numbered from 0; ``order`` and ``of`` are left 0."""
     range_m, energy = echoes.range_m[beams, ray_of_hit], echoes.energy_j[beams, ray_of_hit]
     start = np.flatnonzero(np.diff(group, prepend=-1))
     if not len(start):
@@ -166,7 +168,9 @@ def _measure_groups(echoes: Echoes, beams: Array, ray_of_hit: Array, group: Arra
 
 
 def select_returns(returns: Returns, reported: Reported) -> Returns:
-    """The returns that an instrument reports: all, or one of each beam. Numbers of returns stay those among all."""
+    """Select the returns that an instrument reports: all, or one of each beam. A selected return keeps its ``order``
+    and ``of``, which count all returns.
+    """
     if reported == "ALL" or not len(returns):
         return returns
     key = {"FIRST": returns.range_m, "LAST": -returns.range_m, "STRONGEST": -returns.energy_j}[reported]
@@ -174,13 +178,13 @@ def select_returns(returns: Returns, reported: Reported) -> Returns:
 
 
 def select_by(beam: Array, *keys: Array) -> Array:
-    """Select the index of the return with the lowest key in each beam (k,); later keys count first."""
+    """Select the index of the return with the lowest key in each beam (k,); later keys take precedence."""
     sorting = np.lexsort((*keys, beam))
     return sorting[np.flatnonzero(np.diff(beam[sorting], prepend=-1))]
 
 
 def join_returns(parts: Iterable[Returns]) -> Returns:
-    """Returns of several groups of beams, one after the other."""
+    """Join the returns of several groups of beams, one after the other."""
     listed = [*parts] or [NO_RETURNS]
     return Returns(
         **{field.name: np.concatenate([getattr(each, field.name) for each in listed]) for field in fields(Returns)}

@@ -1,6 +1,6 @@
-"""The directions into which a laser scanner sends its pulses, and when.
+"""The directions into which a laser scanner sends its pulses, and their times.
 
-The axes of a sensor are ROS' own (REP 103): x forward, y left, z up. Azimuth grows from x to y, elevation from the
+The axes of a sensor follow ROS (REP 103): x forward, y left, z up. Azimuth grows from x to y, elevation from the
 horizon upward. A pattern divides its field into equal cells, rows from the top down, and sends a beam through the
 centre of each cell.
 """
@@ -26,7 +26,8 @@ PatternKind = Literal["SPINNING", "RASTER", "FLASH"]
 @dataclass(frozen=True)
 class Beams:
     """Consecutive beams of a pattern: unit vectors ``direction`` (n, 3) in the sensor's axes, ``row`` and ``column``
-    (n,) int32, and ``time_s`` (n,), seconds after the scan began."""
+    (n,) int32, and ``time_s`` (n,), seconds after the scan began.
+    """
 
     direction: Array
     row: Array
@@ -79,11 +80,11 @@ class ScanPattern:
         return self.rows * self.columns
 
     def make_beams(self, first: int = 0, end: int | None = None) -> Beams:
-        """The beams from number ``first`` to before ``end``, in the order of their firing; all by default."""
+        """Make the beams from number ``first`` to before ``end``, in the order of their firing; all by default."""
         return self.make_chosen(np.arange(first, min(self.count, self.count if end is None else end)))
 
     def make_chosen(self, number: Array) -> Beams:
-        """The beams with these numbers (n,), each from 0 to before ``count``."""
+        """Make the beams with these numbers (n,), each from 0 to before ``count``."""
         if self.kind == "SPINNING":
             column, row = np.divmod(number, self.rows)
             time_s = column * (self.period_s / self.columns)
@@ -95,8 +96,9 @@ class ScanPattern:
         return Beams(make(across, upward), row.astype(np.int32), column.astype(np.int32), time_s)
 
     def choose_spread(self, most_rows: int, most_columns: int) -> Array:
-        """Numbers of at most ``most_rows`` times ``most_columns`` beams that spread over the field; the outermost rows
-        and columns are among them if at least two of each are chosen."""
+        """Choose the numbers of at most ``most_rows`` times ``most_columns`` beams that spread over the field. The
+        outermost rows and columns are among them if at least two of each are chosen.
+        """
         row, column = (
             np.unique(np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.int64))
             for count, most in ((self.rows, most_rows), (self.columns, most_columns))
@@ -105,7 +107,9 @@ class ScanPattern:
         return np.asarray(number.ravel())
 
     def _point_angles(self, across: Array, upward: Array) -> Array:
-        """Directions (n, 3) at equal steps of angle; ``across`` and ``upward`` (n,) are shares of the field."""
+        """Compute the directions (n, 3) at equal steps of angle; ``across`` and ``upward`` (n,) are shares of the
+        field.
+        """
         turn = 1.0 if self.kind == "SPINNING" else -1.0
         azimuth = np.radians(turn * across * self.width_deg)
         elevation = np.radians(self.elevation_deg + upward * self.height_deg)
@@ -113,7 +117,9 @@ class ScanPattern:
         return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=1)
 
     def _point_pixels(self, across: Array, upward: Array) -> Array:
-        """Directions (n, 3) through pixels of a pinhole camera."""
+        """Compute the directions (n, 3) through pixels of a pinhole camera; ``across`` and ``upward`` (n,) are shares
+        of the field.
+        """
         left = -2 * across * np.tan(np.radians(self.width_deg / 2))
         up = 2 * upward * np.tan(np.radians(self.height_deg / 2))
         length = np.sqrt(1 + left**2 + up**2)

@@ -13,11 +13,12 @@ from .sun_background import background_photons_1_s
 def find_scene_media(
     settings: Settings, wavelength_nm: float, grain_radius_m: float | None = None, density_kg_m3: float | None = None
 ) -> tuple[dict[int, Medium], dict[str, str]]:
-    """The media of ground and rocks by label, and a clause for reports on each by the names "terrain" and "rocks".
+    """Find the media of ground and rocks by label, and a clause for reports on each by the names "terrain" and "rocks".
 
     Grains and bubbles come from the settings of each surface; a grain radius in metres makes both surfaces snow. The
     default density of snow is from the excavation's settings, the only density that a scene states. Raises IcyMoonError
-    for grains, densities and wavelengths outside the tables, also where no surface is snow."""
+    for grains, densities and wavelengths outside the tables, also where no surface is snow.
+    """
     check_snow(grain_radius_m, density_kg_m3)
     density = float(settings.excavation.density_kg_m3) if density_kg_m3 is None else density_kg_m3
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
@@ -44,8 +45,10 @@ def find_scene_media(
 def find_sunlight_1_s(
     settings: Settings, instrument: Instrument, filter_nm: float, sine_of_elevation: float, law: Backscatter
 ) -> tuple[float, str]:
-    """Sunlight in photons per second on the detector from level ground without shadow, and a clause on it for reports.
-    Sunlight is 0 for an instrument without a stated filter (``filter_nm`` 0) or field of view."""
+    """Compute the sunlight in photons per second on the detector from level ground without shadow. Also return a clause
+    on it for reports. Sunlight is 0 for an instrument without a stated filter (``filter_nm`` 0) or field of view, and
+    by night.
+    """
     if not filter_nm:
         return 0.0, "left out, because the detector's file states no filter (detector.filter_nm)"
     if instrument.field_half_angle_rad >= 1.0:

@@ -1,7 +1,7 @@
 """A single-photon detector: pile-up of its histogram, dead time, and their inverse.
 
-Time is in bins. A bin with N expected photons fires with 1 - exp(-N) if the detector is awake. It then is dead for a
-number of bins, and light in them does not prolong this.
+Time is in bins. A bin with N expected photons fires with the probability 1 - exp(-N) if the detector is awake. The
+detector then is dead for a number of bins, and light in them does not prolong this.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from ...support.errors import IcyMoonError
 from ..random_numbers.seeds import make_generator
 from .noise_streams import ARRIVALS, JITTER
 
-#: Random numbers that are drawn at once.
+#: Number of random numbers that are drawn at once.
 _AT_ONCE = 4_000_000
 
 
 def detection_probability(photons: Array, dead_bins: int | None = None) -> Array:
-    """Probability (..., bins) of a count in each bin of a shot, from expected photons (..., bins).
+    """Compute the probability (..., bins) of a count in each bin of a shot, from expected photons (..., bins).
 
-    P_i = (1 - exp(-N_i)) (1 - Σ P_j over the bins j < i that leave the detector dead). With ``dead_bins`` None one
+    P_i = (1 - exp(-N_i)) (1 - Σ P_j over the bins j < i that leave the detector dead). If ``dead_bins`` is None, one
     photon a shot is counted, and P_i is (1 - exp(-N_i)) exp(-Σ_{j<i} N_j).
     """
     rate = _check(photons)
@@ -41,7 +41,9 @@ def detection_probability(photons: Array, dead_bins: int | None = None) -> Array
 
 
 def count_photons(photons: Array, shots: int, seed: int, scan: int = 0, dead_bins: int | None = None) -> Array:
-    """Counts (bins,) of a histogram over shots, each with expected photons (bins,); same seed and scan, same bits."""
+    """Draw the counts (bins,) of a histogram over shots, each with expected photons (bins,). The same seed and scan
+    give the same bits.
+    """
     rate = _check(photons)
     if rate.ndim != 1 or shots < 0:
         raise IcyMoonError("A histogram needs a list of expected photons by bin and 0 shots or more.")
@@ -51,7 +53,7 @@ def count_photons(photons: Array, shots: int, seed: int, scan: int = 0, dead_bin
     for start in range(0, shots, _AT_ONCE):
         awake = np.zeros(min(_AT_ONCE, shots - start), np.int64)
         while len(awake):
-            # The next count is where an exponential variate of expected photons has been received.
+            # The next count comes after an exponential variate of expected photons.
             at = np.searchsorted(total, total[awake] + random.standard_exponential(len(awake)), side="left") - 1
             at = at[at < len(rate)]
             counts += np.bincount(at, minlength=len(rate))
@@ -70,9 +72,12 @@ def draw_first_counts(photons: Array, seed: int, scan: int = 0) -> Array:
 
 
 def correct_pile_up(counts: Array, shots: int, dead_bins: int | None = None) -> Array:
-    """Expected photons (bins,) from the counts of a histogram: -ln(1 - h_i / n_i), where n_i is the number of shots in
-    which the detector was awake at bin i (Coates 1968, Journal of Physics E 1, 878). NaN where the detector was never
-    awake, infinite where it always fired."""
+    """Estimate the expected photons (bins,) from the counts of a histogram; NaN where the detector was never awake,
+    infinite where it always fired.
+
+    The estimate is -ln(1 - h_i / n_i), where n_i is the number of shots in which the detector was awake at bin i
+    (Coates 1968, Journal of Physics E 1, 878).
+    """
     counted = np.asarray(counts, np.float64)
     before = np.concatenate([[0.0], np.cumsum(counted)])
     bins = np.arange(len(counted))
@@ -85,7 +90,7 @@ def correct_pile_up(counts: Array, shots: int, dead_bins: int | None = None) -> 
 def expect_pulse(
     time_s: float, photons: float, background_1_s: float, bins: int, bin_s: float, pulse_fwhm_s: float
 ) -> Array:
-    """Expected photons (bins,) of a Gaussian pulse that arrives at a time, and of an even background."""
+    """Compute the expected photons (bins,) of a Gaussian pulse that arrives at a time, and of an even background."""
     if not pulse_fwhm_s > 0.0 or not bin_s > 0.0:
         raise IcyMoonError(f"The pulse is {pulse_fwhm_s:g} s and a bin {bin_s:g} s long; give more than 0 s.")
     deviation = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
@@ -95,7 +100,7 @@ def expect_pulse(
 
 
 def add_jitter(bins: Array, deviation_bins: float, seed: int, scan: int = 0) -> Array:
-    """Counts' bins (n,), moved by the detector's Gaussian jitter; those without a count (-1) stay."""
+    """Move the bins (n,) of counts by the detector's Gaussian jitter; bins without a count (-1) stay."""
     moved = bins + deviation_bins * make_generator(seed, "lidar", scan, JITTER).standard_normal(np.shape(bins))
     return np.where(np.asarray(bins) < 0, -1.0, moved)
 

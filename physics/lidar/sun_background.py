@@ -22,11 +22,12 @@ def background_photons_1_s(
     field_rad: float,
     transmission: float = 1.0,
 ) -> Array:
-    """Photons per second of sunlight on the detector: E_λ cos i f_r Δλ Ω A τ / hν.
+    """Compute the photons per second of sunlight on the detector: E_λ cos i f_r Δλ Ω A τ / hν.
 
-    ``sun_w_m2`` is the Sun's irradiance over all wavelengths, as in the settings; its spectrum is the black body of
-    5772 K, within 10 % of the Sun's above 450 nm. ``filter_nm`` is the width of the filter, ``aperture_m`` the
-    diameter of the receiver and ``field_rad`` its full field of view. The distance of the ground cancels.
+    ``sun_w_m2`` is the Sun's irradiance over all wavelengths, as in the settings. Its spectrum is the black body of
+    5772 K, within 10 % of the Sun's above 450 nm. ``filter_nm`` is the width of the filter, ``aperture_m`` the diameter
+    of the receiver and ``field_rad`` its full field of view. The distance of the ground cancels. Raises IcyMoonError
+    for impossible values.
     """
     for name, value in (("wavelength", wavelength_nm), ("filter", filter_nm), ("aperture", aperture_m)):
         if not 0.0 < value < math.inf:

@@ -1,4 +1,4 @@
-"""Noise of light that is baked at vertices, from two independent halves of its samples."""
+"""Noise of light that is baked at vertices, estimated from two independent halves of its samples."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Number of directions in which the share of indirect light is computed.
+#: Number of bearings at which the share of indirect light is computed.
 _VIEW_DIRECTIONS = 12
-#: Width of each direction.
+#: Width in degrees of the view at each bearing.
 _VIEW_WIDTH_DEG = 60.0
 #: Largest angle below the horizon.
 _VIEW_LOWEST_DEG = 60.0
 
 
 def measure_bake_noise(halves: Sequence[Array], triangles: Array) -> float:
-    """Relative standard error, within triangles (n, 3 vertices), of the mean of two halves (vertices, bands); 0 without
-    light.
+    """Measure the relative standard error, within triangles (n, 3 vertices), of the mean of two halves (vertices,
+    bands); 0 without light.
 
     The difference of the halves has √2 times the error of one half, and their mean has that error over √2. Light is
     linear within a triangle. The mean square of a difference d there is therefore the mean of ((d1 + d2 + d3)² + d1² +
@@ -35,8 +35,8 @@ def measure_bake_noise(halves: Sequence[Array], triangles: Array) -> float:
 
 
 def find_largest_share(direct: Array, indirect: Array, positions: Array, triangles: Array, eye: Array) -> float:
-    """Share of ``indirect`` light in all light that an ``eye`` (3,) receives from ground, in the direction of the
-    largest share; 0 without light.
+    """Find the share of ``indirect`` light in all light that an ``eye`` (3,) receives from ground, in the direction of
+    the largest share; 0 without light.
 
     Both lights are (vertices, bands). The ground has ``positions`` (vertices, 3) and ``triangles`` (n, 3), weighted by
     their solid angles; triangles that face away are left out. Occlusion is ignored, and ground nearly below the eye is
@@ -58,9 +58,10 @@ def find_largest_share(direct: Array, indirect: Array, positions: Array, triangl
 
 
 def count_samples_needed(noise: float, share: float, count: int, limit: float, most: int) -> int:
-    """Samples of each half, at most ``most``, with which the noise falls to ``limit`` of all light. With ``count``
-    samples indirect light has the relative ``noise``, and ``share`` of all light is indirect. Noise falls with the
-    square root of the number of samples."""
+    """Count the samples of each half, at most ``most``, with which the noise falls to ``limit`` of all light. With
+    ``count`` samples indirect light has the relative ``noise``, and ``share`` of all light is indirect. Noise falls
+    with the square root of the number of samples.
+    """
     seen = noise * share
     if seen <= 0:
         return count

@@ -1,11 +1,11 @@
 """Light on rocks as a few numbers for each rock, fitted to light that is baked at points of its surface.
 
 Rocks are instances of a few shapes, so their vertices cannot carry light. But a rock is convex, and small beside the
-surfaces that light it. Its light depends mostly and smoothly on the direction that the surface faces: nine terms of
+surfaces that light it. Its light depends mostly and smoothly on the direction of the surface's normal: nine terms of
 second order in the normal suffice for light from afar (Ramamoorthi and Hanrahan 2001, SIGGRAPH). Near things, such as
-the rock's own shadow on the ground, make a difference from side to side and from foot to top: three more terms are
-linear in the place on the rock. The twelve numbers are fitted to light at random points of the surface. Their noise is
-less than the noise of the points, and the same all over a rock.
+the rock's own shadow on the ground, make a difference from side to side and from foot to top, so three more terms are
+linear in the place on the rock. The twelve coefficients are fitted to light at random points of the surface. Their
+noise is less than the noise of the points, and the same all over a rock.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Number of terms of the light on a rock: 1, x, y, z, xy, yz, zx, x² - y², 3 z² - 1 of the normal, and x, y, z of the
-#: place.
+#: Number of terms of the light on a rock: 1, x, y, z, xy, yz, zx, x² - y² and 3 z² - 1 of the normal, and x, y, z of
+#: the place.
 TERM_COUNT = 12
 #: Number of points of a rock by its level of detail, finest first.
 POINTS_BY_DETAIL = (64, 32, 16)
-#: Penalty in the fit on the square of each term, per point: the constant, the terms of first order, and those of second
-#: order and of place. The penalty is so small that it changes only rocks with few points.
+#: Penalty in the fit on the square of each term, per point: the constant, the terms of first order, and the terms of
+#: second order and of place. The penalty is so small that it changes only rocks with few points.
 _RIDGE_PENALTY = np.array([1e-6] + [3e-4] * 3 + [1e-3] * 8)
 #: Width of the triangle that represents a point, over the rock's diameter.
 _TRIANGLE_WIDTH = 1e-3
@@ -32,8 +32,9 @@ _TRIANGLE_HEIGHT = 1e-4
 
 @dataclass(frozen=True)
 class RockPoints:
-    """``n`` points of rocks: their ``rock`` (n,), their position on the unit shape (n, 3), the unit ``normal`` (n, 3),
-    and the ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
+    """``n`` points of rocks: their ``rock`` (n,), their ``place`` on the unit shape (n, 3), the unit ``normal`` (n, 3),
+    and the ``corners`` (n, 3, 3) in metres of a small triangle just above each.
+    """
 
     rock: Array
     place: Array
@@ -42,7 +43,7 @@ class RockPoints:
 
 
 def evaluate_terms(normal: Array, place: Array) -> Array:
-    """The terms (n, 12) at unit normals (n, 3) and places (n, 3)."""
+    """Evaluate the terms (n, 12) at unit normals (n, 3) and places (n, 3)."""
     x, y, z = normal.T
     return np.column_stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1, place])
 
@@ -56,13 +57,15 @@ def draw_points(
     count: int,
     random: np.random.Generator,
 ) -> RockPoints:
-    """``count`` random points of each of the ``rocks`` (k,), all with one unit shape (vertices and triangles).
+    """Draw ``count`` random points of each of the ``rocks`` (k,), all with one unit shape (vertices and triangles).
+
     ``matrices`` (k, 3, 3) rotate and scale the shape; ``positions`` (k, 3) are its origins after that. The probability
-    of a triangle is proportional to its area on the unit shape."""
+    of a triangle is proportional to its area on the unit shape.
+    """
     corners = vertices[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     shares = np.cumsum(areas) / areas.sum()
-    # Stratified: one point in each of ``count`` equal parts of the surface. Consecutive triangles are neighbours.
+    # Stratify: one point in each of ``count`` equal parts of the surface. Consecutive triangles are neighbours.
     drawn = (np.arange(count) + random.random((len(rocks), count))) / count
     chosen = np.searchsorted(shares, drawn.ravel(), side="right").clip(max=len(triangles) - 1)
     weights = random.dirichlet((1.0, 1.0, 1.0), len(chosen))
@@ -82,8 +85,9 @@ def draw_points(
 
 
 def fit_terms(points: RockPoints, light: Array, used: Array, rocks: int) -> Array:
-    """The coefficients (rocks, 12, 3) of the terms that fit ``light`` (n, 3) at the points ``used`` (n,). A rock
-    without used points, which no camera sees, gets zeros."""
+    """Fit the coefficients (rocks, 12, 3) of the terms to ``light`` (n, 3) at the points ``used`` (n,). A rock without
+    used points, which no camera sees, gets zeros.
+    """
     found = np.zeros((rocks, TERM_COUNT, 3))
     terms = evaluate_terms(points.normal, points.place)
     order = np.argsort(points.rock, kind="stable")

@@ -1,8 +1,8 @@
-"""Texels that are baked for vertices: their places on a mesh, and the light at the vertices from them.
+"""Texels that are baked for vertices: their places on a mesh, and the light that they give the vertices.
 
-Cycles can bake at vertices, but that is not the light of the facets between them. A facet loses light from below its
-plane, and a smooth normal deviates most from the facet at its corners. Light at the vertices is therefore too dark if
-facets lean away from it, and too bright if they lean toward it. Texels lie within facets, one for each corner, and
+Cycles can bake at vertices, but such light is not the light of the facets between them. A facet loses light from below
+its plane, and a smooth normal deviates most from the facet at its corners. Light at the vertices is therefore too dark
+if facets lean away from it, and too bright if they lean toward it. Texels lie within facets, one for each corner, and
 Cycles moves each sample within its texel.
 
 A vertex gets the mean of the texels around it. The weight of a texel is the weight of the vertex in linear
@@ -21,11 +21,11 @@ from ...support.arrays import Array
 
 #: Maximum number of corners of a facet that has texels.
 MAX_CORNERS = 4
-#: Texels along a side of a facet's square; a triangle uses three texels of the square.
+#: Number of texels along a side of a facet's square; a triangle uses three texels of the square.
 _TEXELS_PER_SIDE = 2
 #: Image coordinate of corners without texels, outside the image.
 _OUTSIDE = -1.0
-#: Degrees by which the square of a quadrilateral is turned, so that no texel is on its diagonals.
+#: Angle in degrees by which the square of a quadrilateral is turned, so that no texel is on its diagonals.
 _TURN_DEG = 5.0
 #: Corners of a triangle in its square, with which the texels are at barycentric coordinates of 2/3, 1/6 and 1/6.
 _TRIANGLE_CORNERS = np.array([[1 / 6, 1 / 6], [13 / 6, 1 / 6], [1 / 6, 13 / 6]])
@@ -44,8 +44,9 @@ _FILLED_RINGS = 2
 @dataclass(frozen=True)
 class Texels:
     """The texels of a mesh in a square image of ``side`` texels. ``places`` (corners, 2), 0 to 1, are the mesh's
-    corners in the image. For triangles and for quadrilaterals, ``vertices`` (facets, 3 or 4) are their corners,
-    ``texels`` (facets, 3 or 4) the rows of the image's texels, and ``areas`` (facets,) are in m²."""
+    corners in the image. The other arrays are one for triangles and one for quadrilaterals: ``vertices`` (facets, 3 or
+    4) at the corners, ``texels`` (facets, 3 or 4) as rows of the flat image, and ``areas`` (facets,) in m².
+    """
 
     side: int
     places: Array
@@ -55,9 +56,10 @@ class Texels:
 
 
 def lay_out_texels(starts: Array, counts: Array, corners: Array, areas: Array, wanted: Array) -> Texels:
-    """The texels of a mesh. ``starts``, ``counts`` and ``areas`` (facets,) are the first corner, number of corners and
-    area of each facet; ``corners`` are vertices. Only ``wanted`` (facets,) facets get texels; the corners of others are
-    outside the image. Raises ValueError for a facet with more than four corners."""
+    """Lay out the texels of a mesh. ``starts``, ``counts`` and ``areas`` (facets,) are the first corner, number of
+    corners and area of each facet; ``corners`` are vertices. Only ``wanted`` (facets,) facets get texels; the corners
+    of others are outside the image. Raises ValueError for a facet with fewer than three or more than four corners.
+    """
     if len(counts) and (counts.min() < 3 or counts.max() > MAX_CORNERS):
         raise ValueError("A facet has more than four corners.")
     count = int(wanted.sum())
@@ -82,16 +84,17 @@ def lay_out_texels(starts: Array, counts: Array, corners: Array, areas: Array, w
 
 
 def _make_turned_square() -> Array:
-    """The corners (4, 2) of a quadrilateral in its square."""
+    """Return the corners (4, 2) of a quadrilateral in its square."""
     turn = math.radians(_TURN_DEG)
     turned = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     return _TEXELS_PER_SIDE / 2 + (_TEXEL_OF_CORNER * _TEXELS_PER_SIDE - _TEXELS_PER_SIDE / 2) @ turned
 
 
 def gather_uncovered(found: Texels, image: Array, covered: Array, vertices: int) -> Array:
-    """``gather_to_vertices`` without the texels that are ``covered`` (texels,). If all texels around a vertex are
-    covered, the vertex gets the mean of the nearest lit vertices, because a facet may show beside the rock that covers
-    its corner."""
+    """Gather as ``gather_to_vertices`` does, without the texels that are ``covered`` (texels,). If all texels around a
+    vertex are covered, the vertex gets the mean of the nearest lit vertices, because a facet may show beside the rock
+    that covers its corner.
+    """
     seen = np.where(covered[:, None], 0.0, image)
     light = gather_to_vertices(found, seen, vertices)
     known = gather_to_vertices(found, np.where(seen[:, 3:] > 0, 1.0, 0.0) * np.ones(4), vertices)[:, 0] > 0
@@ -112,7 +115,9 @@ def gather_uncovered(found: Texels, image: Array, covered: Array, vertices: int)
 
 
 def gather_to_vertices(found: Texels, image: Array, vertices: int) -> Array:
-    """Light (vertices, 3) at the vertices, from an image (texels, 4) whose alpha is 0 where nothing was baked."""
+    """Compute the light (vertices, 3) at the vertices, from an image (texels, 4) whose alpha is 0 where nothing was
+    baked.
+    """
     total, weights = np.zeros((vertices, 3)), np.zeros(vertices)
     for at, texels, areas, shape in zip(
         found.vertices, found.texels, found.areas, (_LINEAR_WEIGHTS, _BILINEAR_WEIGHTS), strict=True

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Orbit:
-    """Heliocentric elements at J2000, mean ecliptic and equinox, and their change per century."""
+    """Heliocentric elements at J2000 (mean ecliptic and equinox), each with its change per century."""
 
     semi_major_axis_au: tuple[float, float]
     eccentricity: tuple[float, float]
@@ -28,7 +28,7 @@ class Orbit:
 
 @dataclass(frozen=True)
 class Body:
-    """A moon and its planet, over whose equator the moon stays."""
+    """A moon and its planet; the moon stays above the planet's equator."""
 
     parent: str
     radii_km: tuple[float, float, float]  # towards the planet, along the orbit, along the axis
@@ -69,8 +69,9 @@ _JUPITER_LONGITUDE_DEG = -1.53
 
 
 def _place_under_saturn(d: float) -> tuple[float, float]:
-    """East longitude of Saturn and its relative distance: eccentricity 0.00485, and the effect of Dione on the mean
-    longitude in 11.1 and 3.9 years."""
+    """Return the east longitude of Saturn in degrees, and its relative distance. Terms: eccentricity 0.00485, and the
+    effect of Dione on the mean longitude in 11.1 and 3.9 years.
+    """
     days = d + 40452.0  # from JD 2411093
     years = days / 365.25
     anomaly = math.radians((200.317 + 262.7319002 * days - 309.107 - 123.44121 * years) % 360)
@@ -81,8 +82,9 @@ def _place_under_saturn(d: float) -> tuple[float, float]:
 
 
 def _place_under_jupiter(d: float) -> tuple[float, float]:
-    """East longitude of Jupiter and its relative distance: eccentricity 0.0094, kept up by Io and Ganymede. The
-    pericentre is where Europa passes Ganymede."""
+    """Return the east longitude of Jupiter in degrees, and its relative distance. The eccentricity of 0.0094 is kept up
+    by Io and Ganymede; the pericentre is where Europa passes Ganymede.
+    """
     days = d + 8544.5  # from JD 2443000.5
     anomaly = math.radians(2 * (175.73161 + 101.374724735 * days - 120.55883 - 50.317609207 * days) % 360)
     return _JUPITER_LONGITUDE_DEG + 1.06476 * math.sin(anomaly), 1.0 - 0.0093848 * math.cos(anomaly)

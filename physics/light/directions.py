@@ -13,7 +13,7 @@ _MIN_SINE = 1e-12
 
 
 def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
-    """Unit vector (3,) toward a point of the sky, from azimuth and elevation."""
+    """Compute the unit vector (3,) toward a point of the sky, from azimuth and elevation."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     return np.array(
         [math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation), math.sin(elevation)]
@@ -21,8 +21,9 @@ def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
 
 
 def camera_axes(heading_deg: float, pitch_down_deg: float, roll_deg: float = 0.0) -> Array:
-    """Axes x right, y down, z forward of a camera as columns (3, 3), in world axes (OpenCV convention). Without roll x
-    is level; a positive roll turns the camera clockwise, as seen from behind."""
+    """Compute the axes x right, y down, z forward of a camera as columns (3, 3), in world axes (OpenCV convention).
+    Without roll x is level; a positive roll turns the camera clockwise, as seen from behind.
+    """
     forward = direction_toward(heading_deg, -pitch_down_deg)
     heading = math.radians(heading_deg)
     right = np.array([math.cos(heading), -math.sin(heading), 0.0])
@@ -35,8 +36,9 @@ def camera_axes(heading_deg: float, pitch_down_deg: float, roll_deg: float = 0.0
 
 
 def camera_angles(axes: Array) -> tuple[float, float, float]:
-    """Heading, pitch down and roll in degrees for which ``camera_axes`` returns ``axes`` (3, 3). For a camera that
-    looks straight up or down the roll is 0 and the heading has the whole turn."""
+    """Compute the heading, pitch down and roll in degrees for which ``camera_axes`` returns ``axes`` (3, 3). For a
+    camera that looks straight up or down the roll is 0 and the heading has the whole turn.
+    """
     right, forward = axes[:, 0], axes[:, 2]
     level = math.hypot(forward[0], forward[1])
     pitch = math.atan2(-forward[2], level)

@@ -13,11 +13,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
-    """Share of the evenly bright disc of the Sun that a planet hides, with an error below 2e-4.
+    """Compute the share of the evenly bright disc of the Sun that a planet hides, with an error below 2e-4.
 
-    The error is below 5e-3 for a planet that looks smaller than the Sun. Left out: limb darkening of the Sun, 40 % of
-    the mean in green light, which matters only while the planet's limb crosses the Sun (a minute of Enceladus' day,
-    four of Europa's); and the planet's atmosphere, which bends a little light around it.
+    The error is below 5e-3 for a planet that looks smaller than the Sun. Two effects are left out. Limb darkening of
+    the Sun, 40 % of the mean in green light, matters only while the planet's limb crosses the Sun (a minute of
+    Enceladus' day, four of Europa's). The planet's atmosphere bends a little light around it.
     """
     apart = 180 - planet.phase_deg
     if planet.angular_diameter_deg <= 0 or apart > (planet.angular_diameter_deg + sun_diameter_deg) / 2:
@@ -36,7 +36,7 @@ def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
         up = np.cross(sun, np.eye(3)[np.abs(sun).argmin()])
     up /= np.linalg.norm(up)
     side = np.cross(sun, up)
-    angle = math.pi / 2 * _NODES  # of the chord's foot; with it both ends of the integral are smooth
+    angle = math.pi / 2 * _NODES  # of the chord's foot; this variable makes both ends of the integral smooth
     off = radius * np.sin(angle)
     half = 2 * np.arcsin(np.sqrt(np.sin((radius + off) / 2) * np.sin((radius - off) / 2) / np.cos(off)))
     foot = np.cos(off)[:, None] * sun + np.sin(off)[:, None] * side
@@ -46,18 +46,18 @@ def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
 
 
 def _integrate_hidden(foot: Array, up: Array, half: float, quadric: Array, toward: Array) -> float:
-    """Integral of the cosine of the distance from ``foot``, over the hidden part of a great circle from -half to half.
+    """Integrate the cosine of the distance from ``foot`` over the hidden part of a great circle from -half to half.
 
     On the circle w = cos φ foot + sin φ up, the quadric is mean + swing cos(2 φ - turn).
     """
     a, b, c = foot @ quadric @ foot, foot @ quadric @ up, up @ quadric @ up
     mean, swing, turn = (a + c) / 2, math.hypot((a - c) / 2, b), math.atan2(b, (a - c) / 2)
     if mean + swing <= 0:
-        return 0.0  # passes beside it
+        return 0.0  # the circle passes beside the planet
     wide = math.acos(float(np.clip(-mean / swing, -1.0, 1.0))) / 2 if swing > 0 else math.pi / 2
     middle = turn / 2
     if toward @ (math.cos(middle) * foot + math.sin(middle) * up) > 0:
-        middle += math.pi  # behind
+        middle += math.pi  # the other intersection is behind the site
     middle = (middle + math.pi) % (2 * math.pi) - math.pi
     low, high = max(middle - wide, -half), min(middle + wide, half)
     return math.sin(high) - math.sin(low) if high > low else 0.0

@@ -2,8 +2,9 @@
 
 From 2000 to 2060 the Sun's direction is within 0.25° (Enceladus) and 0.15° (Europa) of full theories, its distance
 within 0.2 %. The planet swings about its mean place above the moon by twice the eccentricity of the orbit, 0.56° and
-1.06°, above Enceladus by as much again over years. With these terms it is within 0.05° and 0.15° of full theories.
-Other moons are placed relative to the planet, see ``moon_orbits``. ``spice`` gives exact directions from kernels.
+1.06°; above Enceladus it swings by as much again over years. With these terms it is within 0.05° and 0.15° of full
+theories. Other moons are placed relative to the planet, see ``moon_orbits``. ``spice`` gives exact directions from
+kernels.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ...support.files import shorten
 from .bodies import BODIES, Orbit
 from .moon_orbits import find_moon_places
 
-#: Seconds by which TDB, the time of ephemerides, is ahead of UTC: right from 2017 on, 5 s too many in 2000.
+#: Seconds by which TDB, the time of ephemerides, is ahead of UTC; right from 2017 on, 5 s too large in 2000.
 _TDB_UTC_S = 69.184
 #: First and last year for which the directions were compared with full theories.
 _KNOWN_YEARS = (2000, 2060)
@@ -44,7 +45,7 @@ class Positions:
     moons_km: Mapping[str, Array] = field(default_factory=dict)  # (3,) of other moons from the site, by name
 
     def turned(self, north_deg: float) -> Positions:
-        """The same positions in axes whose y is turned so that north is at this angle, clockwise, from y."""
+        """Return the same positions in axes whose y is turned so that north is at this angle, clockwise, from y."""
         turn = _rotation_about_z(math.radians(north_deg))
         return replace(
             self,
@@ -66,8 +67,9 @@ _DATE = re.compile(rf"{_DAY_PATTERN}{_TIME_PATTERN}{_ZONE_PATTERN})?)?)?\s*")
 
 
 def parse_date(date_utc: str) -> np.datetime64:
-    """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated as Z or +00:00. Raises IcyMoonError if
-    the text is not a date, if the calendar lacks the date, or if it states another time zone."""
+    """Parse a date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated as Z or +00:00. Raises
+    IcyMoonError if the text is not a date, if the calendar lacks the date, or if it states another time zone.
+    """
     shown = f"light.date_utc is {shorten(date_utc)!r}"
     match = _DATE.fullmatch(date_utc)
     if match is None:
@@ -90,12 +92,14 @@ def parse_date(date_utc: str) -> np.datetime64:
 
 
 def format_date(date: np.datetime64) -> str:
-    """A date as ``light.date_utc`` states it, without milliseconds that are 0."""
+    """Format a date as ``light.date_utc`` states it, without milliseconds that are 0."""
     return str(date.astype("datetime64[ms]")).removesuffix(".000")
 
 
 def _describe_missing_date(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
-    """The reason, as a clause with the fix, why a day or time of day does not exist; empty if the date exists."""
+    """Return the reason, as a clause with the fix, why a day or time of day does not exist; empty if the date
+    exists.
+    """
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")
@@ -113,9 +117,9 @@ def _describe_missing_date(year: int, month: int, day: int, hour: int, minute: i
 
 
 def days_since_j2000(date_utc: str) -> float:
-    """Days (TDB) since 2000-01-01 12:00 of a date such as 2035-03-01T12:00:00, which is UTC.
+    """Compute the days (TDB) since 2000-01-01 12:00 of a UTC date such as 2035-03-01T12:00:00.
 
-    Raises IcyMoonError if the text is no date in UTC.
+    Raises IcyMoonError if the text is not a date in UTC.
     """
     date = parse_date(date_utc)
     return (
@@ -135,7 +139,7 @@ def refuse_unknown_years(date_utc: str) -> None:
 
 
 def heliocentric_position_au(orbit: Orbit, days: float) -> Array:
-    """Position (3,) from the Sun in the J2000 equatorial frame, in au, some ``days`` after J2000."""
+    """Compute the position (3,) from the Sun in the J2000 equatorial frame, in au, some ``days`` after J2000."""
     century = days / 36525
     a, e, inclination, longitude, perihelion, node = (
         at + rate * century
@@ -162,8 +166,9 @@ def heliocentric_position_au(orbit: Orbit, days: float) -> Array:
 
 
 def body_frame(orientation: tuple[float, float, float]) -> Array:
-    """Matrix (3, 3) from the J2000 equatorial to the body-fixed frame, from right ascension and declination of the pole
-    and W, in degrees."""
+    """Compute the matrix (3, 3) from the J2000 equatorial to the body-fixed frame, from right ascension and declination
+    of the pole and W, in degrees.
+    """
     ascension, declination, turned = (math.radians(angle % 360) for angle in orientation)
     return (
         _rotation_about_z(turned)
@@ -173,8 +178,9 @@ def body_frame(orientation: tuple[float, float, float]) -> Array:
 
 
 def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float) -> tuple[Array, Array]:
-    """Position in km (3,) and rows east, north, up (3, 3) of planetocentric coordinates, in the body-fixed frame. Up is
-    the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius."""
+    """Compute the position (3,) in km and the rows east, north, up (3, 3) of planetocentric coordinates, in the
+    body-fixed frame. Up is the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius.
+    """
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     radial = np.array(
         [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
@@ -185,8 +191,9 @@ def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longit
 
 
 def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Array:
-    """Rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians. At a pole, north is the
-    limit along the meridian of the longitude."""
+    """Compute the rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians. At a pole, north
+    is the limit along the meridian of the longitude.
+    """
     up = normal / np.linalg.norm(normal)
     east = np.array([-math.sin(longitude) / radii_km[1] ** 2, math.cos(longitude) / radii_km[0] ** 2, 0.0])
     east /= np.linalg.norm(east)
@@ -194,8 +201,9 @@ def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Ar
 
 
 def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: float) -> Positions:
-    """Sun, planet and its other large moons over a site of a body in ``bodies.BODIES``. Raises IcyMoonError for any
-    other body."""
+    """Find the Sun, the planet and its other large moons over a site of a body in ``bodies.BODIES``. Raises
+    IcyMoonError for any other body.
+    """
     name = body.strip().upper()
     try:
         moon = BODIES[name]

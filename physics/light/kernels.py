@@ -19,7 +19,7 @@ from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason
 _MAX_TEXT_BYTES = 2**25
 #: Largest binary kernel in bytes.
 _MAX_BINARY_BYTES = 2**36
-#: Maximum number of files of a folder.
+#: Maximum number of files of a folder or a meta-kernel.
 _MAX_FILES = 2000
 _FIX = "get it again, or leave it out"
 #: First bytes of binary kernels.
@@ -28,16 +28,16 @@ _BINARY_MARKS = (b"DAF/SPK", b"DAF/PCK", b"DAF/CK", b"NAIF/DAF")
 _BEGIN_DATA = b"\\begindata"
 #: Line of a text kernel at which comments begin.
 _BEGIN_TEXT = b"\\begintext"
-#: Bytes of a record of a DAF.
+#: Number of bytes of a record of a DAF.
 _RECORD_BYTES = 1024
-#: Bytes of a double in a DAF.
+#: Number of bytes of a double in a DAF.
 _DOUBLE_BYTES = 8
 #: A token of the data of a text kernel. Each alternative consumes every character once.
 _TOKEN = re.compile(rb"\s++|'((?:[^'\r\n]|'')*+)'|([()=,]|\+=)|([^\s()=,']++)")
 
 
 def find_kernels(path: Path) -> list[Path]:
-    """The kernels that a file or folder stands for, in the order in which they are loaded.
+    """List the kernels that a file or folder stands for, in the order in which they are loaded.
 
     A folder stands for all kernels in it and in its direct subfolders, a meta-kernel for the kernels that it names.
     Raises IcyMoonError without a kernel, if one is damaged, or if a meta-kernel names a file outside of its folder.
@@ -54,7 +54,9 @@ def find_kernels(path: Path) -> list[Path]:
 
 
 def list_kernel_files(path: Path) -> list[Path]:
-    """The files that may be kernels: a file itself, or the files of a folder and of its direct subfolders."""
+    """List the files that may be kernels: a file itself, or the files of a folder and of its direct subfolders. Raises
+    IcyMoonError for a folder with too many files.
+    """
     if not path.is_dir():
         return [path]
     there = sorted(path.iterdir())
@@ -66,7 +68,7 @@ def list_kernel_files(path: Path) -> list[Path]:
 
 
 def _inspect_kernel(path: Path) -> tuple[str, ...] | None:
-    """The result of ``_parse_kernel``, cached by size and time of change of the file."""
+    """Return the result of ``_parse_kernel``, cached by size and time of change of the file."""
     try:
         state = path.stat()
     except OSError as error:
@@ -80,7 +82,9 @@ def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] |
 
 
 def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
-    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is not a kernel."""
+    """Parse the names that a meta-kernel lists; an empty tuple for another kernel, None for a file that is not a
+    kernel.
+    """
     head = foreign.part(0, min(foreign.size, _RECORD_BYTES))
     if head.startswith(_BINARY_MARKS):
         _check_binary(foreign, head)
@@ -96,7 +100,7 @@ def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
 
 
 def _extract_data(foreign: ForeignBytes) -> bytes | None:
-    """The lines of data of a text kernel; None if it has no data."""
+    """Extract the data lines of a text kernel; None if it has no data."""
     lines, is_data, any_data = [], False, False
     for _, line in foreign.lines():
         word = line.strip()
@@ -110,7 +114,7 @@ def _extract_data(foreign: ForeignBytes) -> bytes | None:
 
 
 def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
-    """The files in KERNELS_TO_LOAD, with path symbols replaced."""
+    """List the files in KERNELS_TO_LOAD, with path symbols replaced."""
     if b"KERNELS_TO_LOAD" not in data:
         return ()
     values: dict[bytes, list[bytes]] = {}
@@ -147,8 +151,9 @@ def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
 
 
 def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
-    """The files that a meta-kernel names, in the folder that the user stated, or else in its folder. A meta-kernel in a
-    folder ``mk`` may also name files beside that folder, as in NAIF's archives."""
+    """Find the files that a meta-kernel names, in the folder that the user stated, or else in its folder. A meta-kernel
+    in a folder ``mk`` may also name files beside that folder, as in NAIF's archives.
+    """
     inside = (folder or (meta.parent.parent if meta.parent.name == "mk" else meta.parent)).resolve()
     found = []
     for name in named:
@@ -180,7 +185,7 @@ def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
     record, _, free = struct.unpack_from(f"{order}3i", head, 76)
     size = doubles + (integers + 1) // 2
     if not (0 <= doubles <= 124 and 2 <= integers <= 250 and 1 <= size <= 125):
-        raise ValueError(f"its summaries are of {doubles} doubles and {integers} integers")
+        raise ValueError(f"its summaries have {doubles} doubles and {integers} integers")
     if not 1 <= free <= foreign.size // _DOUBLE_BYTES + 1:
         raise ValueError("it is cut off")
     seen: set[int] = set()

@@ -1,8 +1,8 @@
 """Lamps: their radiant power, their intensity and their factors at evaluation. Imports no Blender.
 
-A lamp's stated light is its radiant power from 400 to 700 nm. Within these wavelengths its spectrum is a black body's
-of its colour temperature. A pair's channels state visible light relative to visible sunlight, times all sunlight, see
-``bands``. So a lamp of Φ watts counts as Φ over the share of sunlight from 400 to 700 nm.
+A lamp's stated light is its radiant power from 400 to 700 nm. Within these wavelengths its spectrum is the spectrum of
+a black body of its colour temperature. A pair's channels state visible light relative to visible sunlight, times all
+sunlight, see ``bands``. So a lamp of Φ watts counts as Φ over the share of sunlight from 400 to 700 nm.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 def list_lamp_groups(light: LightSettings) -> tuple[str, ...]:
-    """The light groups of the lamps, in the order of their list."""
+    """List the light groups of the lamps, in the order of the lamps."""
     return LAMP_GROUPS[: len(light.lamps)]
 
 
 def radiant_power_w(lamp: Lamp) -> float:
-    """Radiant power that leaves a lamp from 400 to 700 nm, in W."""
+    """Compute the radiant power, in W, that leaves a lamp from 400 to 700 nm."""
     return float(lamp.power_w) * float(lamp.efficiency)
 
 
 def visible_share(temperature_k: float) -> float:
-    """Share of a black body's light from 400 to 700 nm."""
+    """Compute the share of a black body's light from 400 to 700 nm."""
     low, high = BAND_M
     wavelength = (high + low) / 2 + (high - low) / 2 * _NODES
     within = float((planck_radiance(wavelength, temperature_k) * _WEIGHTS).sum()) * (high - low) / 2
@@ -43,18 +43,23 @@ def visible_share(temperature_k: float) -> float:
 
 
 def pair_power_w(lamp: Lamp, light: LightSettings) -> float:
-    """Power of a lamp in the unit of a pair's channels, in W: the mean of R, G and B."""
+    """Compute the power of a lamp in the unit of a pair's channels, in W: the mean of R, G and B."""
     return radiant_power_w(lamp) / visible_share(float(light.sun_temperature_k))
 
 
 def spot_share(cone_deg: float, blend: float) -> float:
-    """Flux of Blender's spot over its energy. Its intensity is energy / 4π times smoothstep((cos θ - cos h) /
-    (blend (1 - cos h))) within the half angle h, which has this integral."""
+    """Compute the flux of Blender's spot over its energy.
+
+    Its intensity is energy / 4π times smoothstep((cos θ - cos h) / (blend (1 - cos h))) within the half angle h; the
+    flux is the integral of this intensity.
+    """
     return (1.0 - math.cos(math.radians(cone_deg) / 2)) * (1.0 - blend / 2) / 2
 
 
 def intensity(lamp: Lamp, cosine: Numbers) -> Array:
-    """Intensity over power, 1/sr, far from a lamp, by the cosine of the angle from the direction in which it shines."""
+    """Compute the intensity over power, 1/sr, far from a lamp, by the cosine of the angle from the direction in which
+    it shines. Raises ValueError for an IES lamp, whose intensity is in its table.
+    """
     cosine = np.asarray(cosine, np.float64)
     if lamp.kind == "IES":
         raise ValueError("the intensity of an IES lamp is in its table")
@@ -68,8 +73,9 @@ def intensity(lamp: Lamp, cosine: Numbers) -> Array:
 
 
 def estimate_irradiance_wm2(light: LightSettings, distance_m: float) -> float:
-    """Irradiance of a facing surface at a distance straight before all lamps together, in the unit of a pair. An IES
-    lamp counts as an area, since its file is not read."""
+    """Estimate the irradiance of a facing surface at a distance straight before all lamps together, in the unit of a
+    pair. An IES lamp counts as an area, since its file is not read.
+    """
     ahead = (
         pair_power_w(lamp, light) * (1 / math.pi if lamp.kind == "IES" else float(intensity(lamp, 1.0)))
         for lamp in light.lamps
@@ -78,8 +84,9 @@ def estimate_irradiance_wm2(light: LightSettings, distance_m: float) -> float:
 
 
 def read_factors(light: LightSettings) -> list[float]:
-    """The factors of the lamps at evaluation, from ``light.lamp_scales``. Raises IcyMoonError if their number is not
-    the number of lamps."""
+    """Read the factors of the lamps at evaluation, from ``light.lamp_scales``. Raises IcyMoonError if their number is
+    not the number of lamps.
+    """
     stated = [float(part) for part in str(light.lamp_scales).split(",") if part.strip()]
     if stated and len(stated) != len(light.lamps):
         raise IcyMoonError(
@@ -90,10 +97,10 @@ def read_factors(light: LightSettings) -> list[float]:
 
 
 def find_light_factors(settings: Settings) -> dict[str, float]:
-    """The factor of each light group of a pair at evaluation.
+    """Find the factor of each light group of a pair at evaluation.
 
-    With ``light.irradiance_band`` CAMERA the Sun's channels are light in the camera's band. Those of lamps are not, so
-    their factors contain the share of the band. Raises IcyMoonError as ``read_factors`` does.
+    With ``light.irradiance_band`` CAMERA the Sun's channels are light in the camera's band. The channels of lamps are
+    not, so their factors contain the share of the band. Raises IcyMoonError as ``read_factors`` does.
     """
     light = settings.light
     found = {group: float(light[key]) for group, key in LIGHT_GROUPS.items()}
@@ -105,12 +112,12 @@ def find_light_factors(settings: Settings) -> dict[str, float]:
 
 
 def is_light_scaled(settings: Settings) -> bool:
-    """Whether an image at evaluation needs the light groups of the pair, since a factor differs from 1."""
+    """Return whether an image at evaluation needs the light groups of the pair, because a factor differs from 1."""
     return any(factor != 1 for factor in find_light_factors(settings).values())
 
 
 def switch_lamps_off(settings: Settings) -> Settings:
-    """The settings with the factors of all lamps 0, for the radiance of Sun and planet alone."""
+    """Return the settings with the factors of all lamps 0, for the radiance of Sun and planet without lamps."""
     if not settings.light.lamps:
         return settings
     dark = settings.light | {"lamp_scales": ", ".join("0" for _ in settings.light.lamps)}
@@ -118,12 +125,12 @@ def switch_lamps_off(settings: Settings) -> Settings:
 
 
 def gives_light(light: LightSettings) -> bool:
-    """Whether any lamp shines."""
+    """Return whether any lamp shines."""
     return any(radiant_power_w(lamp) > 0 for lamp in light.lamps)
 
 
 def describe_lamp(lamp: Lamp, light: LightSettings) -> dict[str, Any]:
-    """The constants of a lamp for ``pair.json``."""
+    """Describe the constants of a lamp for ``pair.json``."""
     return {
         "kind": lamp.kind,
         "radiant_w_400_700_nm": radiant_power_w(lamp),

@@ -1,6 +1,6 @@
-"""Moons in the sky as one mesh about the observer, whose light is that of the moons however small they are.
+"""Moons in the sky as one mesh about the observer. It emits their light, however small they are.
 
-A moon at least two pixels wide is a disc with a limb that is soft over a pixel. A smaller one is a cone of light, as a
+A moon at least two pixels wide is a disc with a limb that is soft over a pixel. A smaller moon is a cone of light, as a
 star is, two pixels and its own width across. Both emit the moon's irradiance and hide the solid angle of its disc.
 """
 
@@ -18,7 +18,8 @@ from .planetshine import VisibleCap, make_disc_mesh
 
 #: Width in pixels below which a moon is a cone of light.
 _MIN_DISC_PX = 2.0
-#: Radius in pixels that a cone has beyond the moon's; with it, Cycles' pixel filter loses at most 5 % of the light.
+#: Difference in pixels between the radius of a cone and of its moon; with it, Cycles' pixel filter loses at most 5 % of
+#: the light.
 _SPREAD_PX = 1.0
 
 
@@ -33,13 +34,15 @@ class MoonMesh:
 
 
 def is_above_horizon(moon: SkyMoon, pixel_rad: float, dip_deg: float) -> bool:
-    """Whether any part of a moon's image is above a horizon ``dip_deg`` under the horizontal."""
+    """Return whether any part of a moon's image is above a horizon ``dip_deg`` under the horizontal."""
     height = math.degrees(math.asin(float(np.clip(moon.globe.direction[2], -1, 1))))
     return height + moon.globe.angular_diameter_deg / 2 + math.degrees(_SPREAD_PX * pixel_rad) > -dip_deg
 
 
 def make_moon_mesh(moons: Sequence[SkyMoon], pixel_rad: float) -> MoonMesh:
-    """The moons for cameras whose pixels are ``pixel_rad`` radians wide. Not cut at the horizon."""
+    """Make the mesh of the moons for cameras whose pixels are ``pixel_rad`` radians wide. It is not cut at the
+    horizon.
+    """
     parts, first = [], 0
     for moon in moons:
         wide = math.radians(moon.globe.angular_diameter_deg) >= _MIN_DISC_PX * pixel_rad
@@ -71,7 +74,7 @@ def _make_disc(moon: SkyMoon, pixel_rad: float) -> MoonMesh:
 
 
 def _integrate(ray: Array, faces: Array, values: Array) -> float:
-    """The integral over solid angle of ``values`` (n,) at unit vectors ``ray`` (n, 3), linear over triangles."""
+    """Integrate ``values`` (n,) at unit vectors ``ray`` (n, 3), linear over triangles, over the solid angle."""
     total = 0.0
     for corners in (faces[:, :3], faces[:, [0, 2, 3]]):
         a, b, c = (ray[corners[:, k]] for k in range(3))
@@ -81,7 +84,9 @@ def _integrate(ray: Array, faces: Array, values: Array) -> float:
 
 
 def _make_cone(moon: SkyMoon, pixel_rad: float) -> MoonMesh:
-    """A hexagon whose light and opacity fall linearly from its centre to 0 at its rim, where their mean is a third."""
+    """Make a hexagon whose light and opacity fall linearly from its centre to 0 at its rim, where their mean is a
+    third.
+    """
     own = math.sin(math.radians(moon.globe.angular_diameter_deg / 2))
     radius, toward = own + _SPREAD_PX * pixel_rad, moon.globe.direction
     x = np.cross(np.eye(3)[np.abs(toward).argmin()], toward)

@@ -3,7 +3,7 @@
 Saturn's moons: the theory of Dourneau 1987 (thesis, Bordeaux; also Meeus, Astronomical Algorithms, ch. 46). Jupiter's:
 the largest terms of Lieske's E2 (Meeus, ch. 44). Both count longitudes from the equinox of B1950.
 
-From 2000 to 2060 the moons of Jupiter are within 0.13° of Lainey's L1.2, seen from Jupiter. From 1999 to 2039, 95 % of
+From 2000 to 2060 the moons of Jupiter, seen from Jupiter, are within 0.13° of Lainey's L1.2. From 1999 to 2039, 95 % of
 the places of Saturn's moons are within 0.2°, Mimas' within 0.5°, of polynomials of the Bureau des Longitudes, seen from
 Saturn along the line of sight from the Earth; later places were not compared. Hyperion, Iapetus and small moons are
 left out.
@@ -28,7 +28,7 @@ _SATURN_UNIT_KM = math.radians(1e-4 / 3600) * 9.538937 * AU_KM
 _JUPITER_UNIT_KM = 71418.0
 #: Inclination and node of Saturn's equator on the ecliptic of B1950.
 _SATURN_TILT_DEG, _SATURN_NODE_DEG = 28.0817, 168.8112
-#: Sine of the tilt of the planes that the orbits of Rhea and Titan turn about.
+#: Sine of the tilt of the planes about which the orbits of Rhea and Titan turn.
 _TILT_SINE = 0.470730
 #: Longitude of Jupiter's perihelion.
 _PERIHELION_DEG = 13.469942
@@ -56,7 +56,9 @@ _FROM_B1950 = _turn_about_z(0.320289) @ _turn_about_y(-0.278406) @ _turn_about_z
 
 @dataclass(frozen=True)
 class _Ellipse:
-    """A precessing orbit; angles are in degrees, longitudes are counted along the reference plane, then the orbit."""
+    """A precessing orbit. Angles are in degrees; longitudes are counted along the reference plane, then along the
+    orbit.
+    """
 
     axis_km: float
     eccentricity: float
@@ -66,7 +68,7 @@ class _Ellipse:
     node_deg: float
 
     def place_km(self) -> Array:
-        """Position (3,) in the frame of the reference plane."""
+        """Compute the moon's position (3,), in km, in the frame of the reference plane."""
         e, mean = self.eccentricity, math.radians((self.longitude_deg - self.pericentre_deg) % 360)
         eccentric = mean
         for _ in range(6):  # Newton; e is at most 0.03
@@ -85,8 +87,9 @@ def _cos(angle_deg: float) -> float:
 
 
 def _list_inner_orbits(days: float) -> dict[str, _Ellipse]:
-    """Mimas to Dione about Saturn's equator. Mimas and Tethys librate about each other's motion in 71 years, Enceladus
-    and Dione in 11 and 4."""
+    """List the orbits of Mimas to Dione about Saturn's equator. Mimas and Tethys librate about each other's motion in
+    71 years, Enceladus and Dione in 11 and 4.
+    """
     d = days + _J2000_JD - 2411093
     t = d / 365.25
     phase = 5.095 * (days / 365.25 + 2000 - 1866.39)
@@ -109,7 +112,7 @@ def _list_inner_orbits(days: float) -> dict[str, _Ellipse]:
 
 
 def _find_rhea(days: float) -> _Ellipse:
-    """Rhea's orbit about the ecliptic; Titan forces a part of its eccentricity."""
+    """Compute Rhea's orbit about the ecliptic; Titan forces a part of its eccentricity."""
     d = days + _J2000_JD - 2411093
     t = d / 365.25
     own, titan = 342.7 + 10.057 * t, 276.59 + 0.5118 * t
@@ -127,7 +130,7 @@ def _find_rhea(days: float) -> _Ellipse:
 
 
 def _find_titan(days: float) -> _Ellipse:
-    """Titan's orbit about the ecliptic, with the Sun's effect on its eccentricity and pericentre."""
+    """Compute Titan's orbit about the ecliptic, with the Sun's effect on its eccentricity and pericentre."""
     d = days + _J2000_JD - 2411368
     t = d / 365.25
     turn, e = 42 - 0.5118 * t, 0.029092
@@ -158,7 +161,9 @@ def _find_saturn_moons(days: float) -> dict[str, Array]:
 
 class _JupiterAngles:
     """The angles of Lieske's theory in degrees, by moon from Io outwards: mean longitudes ``l``, pericentres ``p``,
-    nodes ``o``; the node of Jupiter's equator, Jupiter's mean anomaly, and the phase of the libration."""
+    nodes ``o``; the node of Jupiter's equator, Jupiter's mean anomaly, the phase of the libration, and the tilt of the
+    equator to the orbit.
+    """
 
     def __init__(self, days: float) -> None:
         t = days + _J2000_JD - 2443000.5
@@ -188,7 +193,9 @@ class _JupiterAngles:
 
 
 def _find_io(a: _JupiterAngles) -> tuple[float, float, float]:
-    """Longitude in degrees, tangent of the latitude over Jupiter's equator, distance in the theory's unit."""
+    """Compute Io's longitude in degrees, the tangent of its latitude over Jupiter's equator, and its distance in the
+    theory's unit.
+    """
     (l1, l2, l3, _), (p1, p2, p3, p4), (o1, o2, o3, _) = a.l, a.p, a.o
     longitude = l1 + (
         0.47259 * _sin(2 * (l1 - l2))
@@ -297,8 +304,9 @@ def _find_jupiter_moons(days: float) -> dict[str, Array]:
 
 
 def find_moon_places(planet: str, days: float) -> Mapping[str, Array]:
-    """Positions (3,) in km of a planet's large moons from its centre, by their names in capitals, in the J2000
-    equatorial frame, ``days`` (TDB) after J2000. Empty for a planet other than SATURN and JUPITER."""
+    """Find the positions (3,) in km of a planet's large moons from its centre, by their names in capitals, in the J2000
+    equatorial frame, ``days`` (TDB) after J2000. Empty for a planet other than SATURN and JUPITER.
+    """
     if planet == "SATURN":
         return _find_saturn_moons(days)
     return _find_jupiter_moons(days) if planet == "JUPITER" else {}

@@ -1,11 +1,11 @@
 """The other moons in the sky of a site: spheres, lit by the Sun at their places, in the planet's shadow or out of it.
 
 A moon's light is its geometric albedo times its phase function times the Sun's irradiance times (R/d)², as for any
-distant body; a moon is never nearer than 90 of its radii. It is spread over the disc by the law of Lommel and
-Seeliger, which is the Moon's, or by Lambert's for Titan's haze, and scaled to that amount.
+distant body; a moon is never nearer than 90 of its radii. The light is spread over the disc by the law of Lommel and
+Seeliger, which fits the Earth's Moon, or by Lambert's law for Titan's haze, and scaled to that amount.
 
-Left out: dark and bright regions, the planet's light on a moon's night side, shadows of moons on each other, and
-their light on the ground, less than 1e-4 of the Sun's. A moon in the planet's shadow is dimmed evenly, by the share of
+Left out are dark and bright regions, the planet's light on a moon's night side, shadows of moons on each other, and the
+moons' light on the ground, less than 1e-4 of the Sun's. A moon in the planet's shadow is dimmed evenly, by the share of
 the Sun's disc that the planet hides from its centre.
 """
 
@@ -46,17 +46,18 @@ class Moon:
 
     @property
     def is_hazy(self) -> bool:
-        """Whether haze, not ground, scatters the light, by Lambert's law."""
+        """Whether haze, not ground, scatters the light, so that Lambert's law spreads it."""
         return self.phase_integral >= 1.5
 
     def band_albedos(self) -> Array:
-        """Geometric albedos (3,) in R, G, B, on the line through the albedos in B and V."""
+        """Compute the geometric albedos (3,) in R, G, B, on the line through the albedos in B and V."""
         blue = 10 ** (-0.4 * (self.b_v - _SUN_B_V))
         return self.geometric_albedo * (1 + (1 - blue) * (np.array(BANDS_M) - _V_M) / (_V_M - _B_M))
 
     def phase_function(self, phase_deg: float) -> float:
-        """Brightness at a phase angle relative to full phase. The slope G of an icy moon's law follows from its phase
-        integral q = 0.290 + 0.684 G (Bowell et al. 1989)."""
+        """Compute the brightness at a phase angle relative to full phase. The slope G of an icy moon's law follows from
+        its phase integral q = 0.290 + 0.684 G (Bowell et al. 1989).
+        """
         if self.is_hazy:
             return lambert_phase(phase_deg)
         if phase_deg > _SLOPE_LAW_END_DEG:
@@ -72,7 +73,7 @@ class Moon:
 #: brightening at opposition: Filacchione et al. 2022, Icarus 375, 114803. Titan: Karkoschka 1998. Jupiter's moons: JPL,
 #: "Planetary Satellite Physical Parameters". B - V: Explanatory Supplement to the Astronomical Almanac. Phase
 #: integrals: 0.8 and 0.6 of Ganymede and Callisto by Squyres and Veverka 1981; 0.7 of Rhea to 0.9 of Enceladus by
-#: Buratti and Veverka 1984, Icarus 58, 254, between which those of other icy moons are our choice, good to 0.1.
+#: Buratti and Veverka 1984, Icarus 58, 254. Values between these for other icy moons are our choice, good to 0.1.
 MOONS: Mapping[str, Moon] = {
     "MIMAS": Moon("SATURN", 601, 198.2, 0.63, 0.66, 0.8),
     "ENCELADUS": Moon("SATURN", 602, 252.1, 0.89, 0.70, 0.9),
@@ -94,7 +95,7 @@ _LAMBERT_GLOBE = Planet(_UP, 0.0, 0.0, _UP, _UP, 1.0, 1.0, "LAMBERT")
 
 @dataclass(frozen=True)
 class SkyMoon:
-    """A moon as it is seen from the site."""
+    """A moon as seen from the site."""
 
     name: str  # in capitals
     globe: Planet  # its size and place, with the Sun
@@ -109,15 +110,16 @@ class SkyMoon:
 
 
 def list_moons(planet: str) -> list[str]:
-    """Names of the large moons of a planet."""
+    """List the names of the large moons of a planet."""
     return [name for name, moon in MOONS.items() if moon.planet == planet]
 
 
 def make_sky_moons(
     places_km: Mapping[str, Array], planet: Planet, planet_km: float, sun_diameter_deg: float
 ) -> tuple[SkyMoon, ...]:
-    """The moons at ``places_km`` (3,) from the site, in the local frame, the nearest first. ``planet`` is the planet
-    at a distance of ``planet_km`` in the sky of the site."""
+    """Make the moons at ``places_km`` (3,) from the site, in the local frame, the nearest first. ``planet`` is the
+    planet at a distance of ``planet_km`` in the sky of the site.
+    """
     found = []
     for name, place in places_km.items():
         moon, distance = MOONS[name], float(np.linalg.norm(place))
@@ -131,7 +133,7 @@ def make_sky_moons(
 
 
 def _see_planet_from(place_km: Array, planet: Planet, planet_km: float) -> Planet:
-    """The planet as a moon at a place relative to the site sees it."""
+    """Return the planet as seen from a moon at a place relative to the site."""
     toward = planet_km * planet.direction - place_km
     distance = float(np.linalg.norm(toward))
     radius_km = planet_km * math.sin(math.radians(planet.angular_diameter_deg / 2))

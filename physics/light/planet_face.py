@@ -28,8 +28,9 @@ MIN_COSINE = 0.02
 
 @dataclass(frozen=True)
 class Spot:
-    """An oval cloud, such as the Great Red Spot. Semi-axes are angles in radians at the planet's centre; reflectances
-    are in R, G, B."""
+    """An oval cloud, such as the Great Red Spot. Its semi-axes are angles in radians at the planet's centre;
+    reflectances are in R, G, B.
+    """
 
     latitude_deg: float
     half_length: float
@@ -38,18 +39,18 @@ class Spot:
     collar: tuple[float, float, float]
 
 
-#: Radii of the outer edges of a spot and of its collar, over the spot's.
+#: Radii of the outer edges of a spot and of its collar, over the radius of the spot.
 SPOT_EDGES = (1.0, 1.25)
-#: Width of each of these edges.
+#: Width of each of these edges, over the radius of the spot.
 SPOT_SOFTNESS = 0.1
 
 
 @dataclass(frozen=True)
 class Limb:
-    """How the light of a place depends on the cosines μ₀ and μ of the angles of incidence and emission.
+    """A law of limb darkening, by the cosines μ₀ and μ of the angles of incidence and emission.
 
     Minnaert's law is (μ₀ μ)^k / μ (1941, Astrophysical Journal 93, 403), Barkstrom's [μ₀ μ / (μ₀ + μ)]^k / μ. In full
-    light, where μ₀ = μ, both are the same if Barkstrom's exponent is twice Minnaert's.
+    light, where μ₀ = μ, both have the same shape if Barkstrom's exponent is twice Minnaert's.
     """
 
     law: Literal["MINNAERT", "BARKSTROM"]
@@ -57,7 +58,7 @@ class Limb:
     exponents: tuple[tuple[float, float, float], ...]  # of each angle in R, G, B
 
     def exponents_at(self, phase_deg: float) -> tuple[float, float, float]:
-        """The exponents in R, G, B, interpolated; beyond the ends they stay the same."""
+        """Interpolate the exponents in R, G, B; beyond the ends they stay the same."""
         r, g, b = (float(np.interp(phase_deg, self.phase_deg, band)) for band in np.transpose(self.exponents))
         return r, g, b
 
@@ -92,7 +93,7 @@ _SATURN_LIMB = Limb(
 
 
 def _make_saturn() -> Face:
-    """Saturn's bands in V, alike in north and south; their contrast is 0.6 times as high in R, 1.3 times in B."""
+    """Make Saturn's bands in V, alike in north and south; their contrast is 0.6 times as high in R, 1.3 times in B."""
     latitude = np.array([0.0, 10, 18, 25, 33, 40, 48, 60, 65, 78, 90])
     visual = np.array([1.16, 1.12, 0.98, 0.90, 0.88, 0.96, 0.86, 0.88, 0.80, 0.78, 0.70])
     both = np.concatenate([-latitude[:0:-1], latitude])
@@ -127,9 +128,9 @@ _JUPITER_BANDS = (
     (40.0, _ZONE_RGB),
     (48.0, _POLE_RGB),
 )
-#: Half the width of an edge between two bands.
+#: Half the width, in degrees, of an edge between two bands.
 _EDGE_DEG = 0.6
-#: Half the width of the edge of a polar region.
+#: Half the width, in degrees, of the edge of a polar region.
 _POLE_EDGE_DEG = 7.0
 
 
@@ -159,7 +160,9 @@ FACES = {"SATURN": _make_saturn(), "JUPITER": _make_jupiter()}
 
 
 def spot_axes(planet: Planet, spot: Spot) -> Array:
-    """Rows (3, 3): the globe's normal in the middle of a spot, and the directions to east and north there."""
+    """Compute the rows (3, 3): the globe's normal in the middle of a spot, and the directions to east and north
+    there.
+    """
     front: Array = -planet.direction + (planet.direction @ planet.pole) * planet.pole
     if np.linalg.norm(front) < 1e-9:  # seen from above a pole
         front = np.cross(planet.pole, np.eye(3)[np.abs(planet.pole).argmin()])
@@ -176,7 +179,7 @@ def spot_axes(planet: Planet, spot: Spot) -> Array:
 
 
 def _band_reflectance(face: Face, planet: Planet, normal: Array) -> Array:
-    """The reflectances B (..., 3) at unit normals (..., 3)."""
+    """Compute the reflectances B (..., 3) at unit normals (..., 3)."""
     sine = normal @ planet.pole
     found = np.stack([np.interp(sine, face.sine, band) for band in np.transpose(face.reflectance)], axis=-1)
     if face.spot is not None:
@@ -190,8 +193,9 @@ def _band_reflectance(face: Face, planet: Planet, normal: Array) -> Array:
 
 
 def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Array) -> Array:
-    """Unscaled radiance (..., 3), without ripples, relative to an even globe with the Sun in the zenith. ``normal`` and
-    ``toward`` (..., 3) are unit vectors, ``toward`` to the observer."""
+    """Compute the unscaled radiance (..., 3), without ripples, relative to an even globe with the Sun in the zenith.
+    ``normal`` and ``toward`` (..., 3) are unit vectors, ``toward`` to the observer.
+    """
     incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
     emission = np.maximum((normal * toward).sum(axis=-1), MIN_COSINE)[..., None]
     both = incidence * emission / (incidence + emission if face.limb.law == "BARKSTROM" else 1.0)
@@ -200,13 +204,15 @@ def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Arra
 
 
 def face_tint(planet: Planet) -> Array:
-    """Ratio (3,) of the planet's light to sunlight in each band; the mean of the bands is 1."""
+    """Return the ratio (3,) of the planet's light to sunlight in each band; the mean of the bands is 1."""
     return np.array(FACES[planet.face].tint if planet.face in FACES else (1.0, 1.0, 1.0))
 
 
 @lru_cache(maxsize=4)
 def face_scale(planet: Planet) -> tuple[float, float, float]:
-    """Factors on the bands of a face that give the planet the irradiance of an even globe times the tint."""
+    """Compute the factors on the bands of a face that give the planet the irradiance of an even globe times the
+    tint.
+    """
     face, seen = FACES[planet.face], VisibleCap(planet)
     nodes = make_cap_nodes(seen)
     facing = nodes.solid_angle * np.maximum(nodes.ray @ planet.direction, 0.0)

@@ -20,7 +20,7 @@ from ...support.arrays import Array
 #: Largest phase angle of the published phase curve of Jupiter, in degrees; beyond it, the ratio to a Lambert sphere is
 #: constant.
 _JUPITER_CURVE_END_DEG = 130.0
-#: The same for Saturn.
+#: Largest phase angle of the published phase curve of Saturn, in degrees.
 _SATURN_CURVE_END_DEG = 150.0
 
 
@@ -36,8 +36,9 @@ class Ring:
 
 @dataclass(frozen=True, eq=False)
 class Planet:
-    """A planet as it is seen from the site; directions are unit vectors (3,) in the local frame. Planets of equal
-    values are equal."""
+    """A planet as seen from the site; directions are unit vectors (3,) in the local frame. Planets of equal values are
+    equal.
+    """
 
     direction: Array  # of its centre
     angular_diameter_deg: float  # of its equator
@@ -67,16 +68,16 @@ class Planet:
 
 
 def lambert_phase(phase_deg: float) -> float:
-    """Brightness of a distant Lambert sphere relative to full phase: [sin α + (π - α) cos α] / π."""
+    """Compute the brightness of a distant Lambert sphere relative to full phase: [sin α + (π - α) cos α] / π."""
     a = math.radians(phase_deg)
     return max(0.0, (math.sin(a) + (math.pi - a) * math.cos(a)) / math.pi)
 
 
 def phase_function(law: str, phase_deg: float) -> float:
-    """Brightness of a distant planet relative to full phase.
+    """Compute the brightness of a distant planet relative to full phase.
 
-    JUPITER and SATURN (its globe without rings): Mallama and Hilton 2018, Astronomy and Computing 25,
-    10-24, eqs. 8, 9, 11 and 12, in V; up to 130° and 150°.
+    JUPITER and SATURN (its globe without rings): Mallama and Hilton 2018, Astronomy and Computing 25, 10-24, eqs. 8, 9,
+    11 and 12, in V; up to 130° and 150°.
     """
     if law == "LAMBERT":
         return lambert_phase(phase_deg)
@@ -95,7 +96,7 @@ def phase_function(law: str, phase_deg: float) -> float:
 
 
 def lambert_albedo(law: str, geometric_albedo: float, phase_deg: float) -> float:
-    """Albedo of the Lambert sphere that is as bright as the planet at a phase.
+    """Compute the albedo of the Lambert sphere that is as bright as the planet at a phase.
 
     A Lambert sphere of albedo A has the geometric albedo 2A/3; a published phase curve scales it.
     """
@@ -114,7 +115,7 @@ class Ellipsoid:
 
 
 def make_ellipsoid(planet: Planet) -> Ellipsoid:
-    """The shape of a planet; its radiance is Lambert's with the albedo of its phase."""
+    """Make the shape of a planet; its radiance is Lambert's with the albedo of its phase."""
     radius = math.sin(math.radians(planet.angular_diameter_deg / 2))
     stretch = np.eye(3) + (1 / (1 - planet.flattening) - 1) * np.outer(planet.pole, planet.pole)
     albedo = lambert_albedo(planet.phase_law, planet.geometric_albedo, planet.phase_deg)
@@ -125,7 +126,8 @@ def make_ellipsoid(planet: Planet) -> Ellipsoid:
 
 class VisibleCap:
     """Points (..., 3) of the visible part of the planet, by polar angles about the sub-observer point. In the stretched
-    space this part is a cap of the sphere."""
+    space this part is a cap of the sphere.
+    """
 
     def __init__(self, planet: Planet) -> None:
         self.planet, self.shape = planet, make_ellipsoid(planet)
@@ -138,27 +140,29 @@ class VisibleCap:
         self.y = np.cross(self.axis, self.x)
 
     def sphere(self, angle: Array, around: Array) -> Array:
-        """Unit vectors (..., 3) of the stretched space, at an ``angle`` from the axis and ``around`` it, in radians."""
+        """Compute unit vectors (..., 3) of the stretched space, at an ``angle`` from the axis and ``around`` it, in
+        radians.
+        """
         return np.cos(angle)[..., None] * self.axis + np.sin(angle)[..., None] * (
             np.cos(around)[..., None] * self.x + np.sin(around)[..., None] * self.y
         )
 
     def position(self, sphere: Array) -> Array:
-        """Positions of unit vectors on the ellipsoid, relative to the observer."""
+        """Compute the positions (..., 3) on the ellipsoid of unit vectors (..., 3), relative to the observer."""
         return self.planet.direction + self.shape.radius * sphere @ self.shrink
 
     def normal(self, sphere: Array) -> Array:
-        """Unit normals of the planet."""
+        """Compute the unit normals (..., 3) of the planet at unit vectors (..., 3)."""
         found = sphere @ self.shape.stretch
         return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
     def radiance(self, sphere: Array) -> Array:
-        """W/(m² sr); 0 in the night."""
+        """Compute the radiance (...) in W/(m² sr) at unit vectors (..., 3); 0 in the night."""
         lit = np.maximum(self.normal(sphere) @ self.planet.sun, 0.0)
         return np.asarray(self.shape.full_radiance * lit * self.passed(sphere))
 
     def passed(self, sphere: Array) -> Array:
-        """Share (...) of the sunlight that the rings let through to points of the planet."""
+        """Compute the share (...) of the sunlight that the rings let through to points of the planet."""
         point, passed = sphere @ self.shrink, np.ones(sphere.shape[:-1])
         up = float(self.planet.sun @ self.planet.pole)
         if abs(up) < 1e-6:
@@ -173,7 +177,7 @@ class VisibleCap:
 
 @dataclass(frozen=True)
 class CapNodes:
-    """Nodes (n, 2n) of a quadrature over the planet that is seen above the horizon."""
+    """Nodes (n, 2n) of a quadrature over the part of the planet above the horizon."""
 
     sphere: Array  # (n, 2n, 3) unit vectors of the stretched space
     ray: Array  # (n, 2n, 3) unit vectors toward the nodes
@@ -182,7 +186,7 @@ class CapNodes:
 
 @lru_cache(maxsize=4)  # finding 96 nodes takes 4 ms, and a slider of the Sun needs them three times a step
 def _find_gauss_nodes(n: int) -> tuple[Array, Array]:
-    """Nodes and weights (n,) of Gauss-Legendre quadrature from -1 to 1."""
+    """Return the nodes and weights (n,) of Gauss-Legendre quadrature from -1 to 1."""
     return np.polynomial.legendre.leggauss(n)
 
 
@@ -195,14 +199,15 @@ class _CapInPlace:
 
 
 def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
-    """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet. All who ask share the
-    arrays, which are read-only."""
+    """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet. All callers share the
+    arrays, which are read-only.
+    """
     planet = seen.planet
     key = planet.angular_diameter_deg, planet.flattening, *planet.pole.tolist(), *planet.direction.tolist()
     return _make_nodes_in_place(_CapInPlace(key, seen), nodes)
 
 
-@lru_cache(maxsize=4)  # a slider of the Sun asks for the same planet's
+@lru_cache(maxsize=4)  # a slider of the Sun asks for the same planet's nodes
 def _make_nodes_in_place(cap: _CapInPlace, nodes: int) -> CapNodes:
     seen, planet = cap.seen, cap.seen.planet
     x, weight = _find_gauss_nodes(nodes)
@@ -228,10 +233,10 @@ def _make_nodes_in_place(cap: _CapInPlace, nodes: int) -> CapNodes:
     return found
 
 
-@lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
+@lru_cache(maxsize=4)  # one change of the light asks for the same planet's rays a dozen times
 def make_light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
-    """The planet's light as rays: unit vectors (n, 3) toward its surface, and the irradiance (n,) in W/m² of each on a
-    surface that faces it.
+    """Divide the planet's light into rays: unit vectors (n, 3) toward its surface, and the irradiance (n,) in W/m² of
+    each ray on a surface that faces it.
 
     Parts of the planet below the horizon (z < 0) give no light. The error of the quadrature is about 2e-4 if horizon or
     terminator cross the disc, 1e-3 if rings shade it, else far less.
@@ -241,19 +246,20 @@ def make_light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
     seen = VisibleCap(planet)
     found = make_cap_nodes(seen, nodes)
     rays, brought = found.ray.reshape(-1, 3), (seen.radiance(found.sphere) * found.solid_angle).ravel()
-    rays.flags.writeable = brought.flags.writeable = False  # all who ask share them
+    rays.flags.writeable = brought.flags.writeable = False  # all callers share them
     return rays, brought
 
 
 def irradiance_wm2(planet: Planet, normal: Array | None = None, nodes: int = 96) -> float:
-    """Irradiance from the planet on a surface with the unit normal ``normal`` (3,); without it, on a surface that faces
-    the planet."""
+    """Compute the irradiance from the planet on a surface with the unit normal ``normal`` (3,); without it, on a
+    surface that faces the planet.
+    """
     ray, brought = make_light_rays(planet, nodes)
     return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
 
 
 def find_mean_direction(planet: Planet) -> Array:
-    """Unit vector (3,) of the mean direction of the planet's light; of the planet's centre if it is dark."""
+    """Find the unit vector (3,) of the mean direction of the planet's light; of the planet's centre if it is dark."""
     ray, brought = make_light_rays(planet)
     total = brought @ ray
     length = float(np.linalg.norm(total))
@@ -261,9 +267,11 @@ def find_mean_direction(planet: Planet) -> Array:
 
 
 def find_lit_chords(planet: Planet) -> tuple[Array, float]:
-    """The lit part of the planet's disc: the unit vector (3,) across the disc toward the Sun, and the share of each
-    chord along it, from the Sun's side, that contains all lit points. The disc is a circle as wide as the equator about
-    the planet's centre, in coordinates that keep areas."""
+    """Find the lit part of the planet's disc: the unit vector (3,) across the disc toward the Sun, and the share of
+    each chord along it, from the Sun's side, that contains all lit points.
+
+    The disc is a circle as wide as the equator about the planet's centre, in coordinates that keep areas.
+    """
     across: Array = planet.sun - (planet.sun @ planet.direction) * planet.direction
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
@@ -281,7 +289,7 @@ def find_lit_chords(planet: Planet) -> tuple[Array, float]:
 
 
 def unshaded_share(planet: Planet) -> float:
-    """Share of the planet's light on level ground that remains in the shadow of the rings."""
+    """Compute the share of the planet's light on level ground that remains in the shadow of the rings."""
     level = np.array([0.0, 0.0, 1.0])
     bare = irradiance_wm2(replace(planet, rings=()), level) if planet.rings else 0.0
     return irradiance_wm2(planet, level) / bare if bare > 0 else 1.0
@@ -296,18 +304,20 @@ class DiscMesh:
     transmission: Array  # (n,) share of the light from behind that passes
 
 
-#: Sectors of a disc's mesh: a chord is within 4e-5 of its outline.
+#: Number of sectors of a disc's mesh: a chord is within 4e-5 of its outline.
 _DISC_SECTORS = 384
-#: Widest soft rim, over the radius of the planet: a wider one would change the light of a small planet.
+#: Widest soft rim, over the radius of the planet. A wider rim would change the light of a small planet.
 _WIDEST_RIM = 0.1
 
 
 def make_disc_mesh(planet: Planet, pixel_rad: float, rings: int = 48, widest_rim: float = _WIDEST_RIM) -> DiscMesh:
-    """The planet as a mesh whose outline is within 4e-5 of the ellipsoid's. Its radiance is computed at each pixel.
+    """Make the planet as a mesh whose outline is within 4e-5 of the ellipsoid's. Its radiance is computed at each
+    pixel.
 
     ``pixel_rad`` is the angle of a pixel in radians. Over this angle, half of it on each side of the limb, the
-    transmission rises linearly from 0 to 1, and is 1/2 on the limb: a pixel is covered by the share of the planet in
-    it, so that few light paths find its mean. The rim is at most ``widest_rim`` radii wide.
+    transmission rises linearly from 0 to 1, and is 1/2 on the limb. So the transmission at a pixel is the share of it
+    that the planet leaves free, and few light paths suffice to find the pixel's mean. The rim is at most ``widest_rim``
+    radii wide.
     """
     seen = VisibleCap(planet)
     width = min(pixel_rad, widest_rim * seen.shape.radius)
@@ -326,7 +336,7 @@ def make_disc_mesh(planet: Planet, pixel_rad: float, rings: int = 48, widest_rim
 
 
 def _list_disc_faces(circles: int) -> Array:
-    """The quadrilaterals (m, 4) between a centre, which is vertex 0, and circles of ``_DISC_SECTORS`` vertices."""
+    """List the quadrilaterals (m, 4) between a centre, which is vertex 0, and circles of ``_DISC_SECTORS`` vertices."""
     here = np.arange(_DISC_SECTORS)
     after = (here + 1) % _DISC_SECTORS
     first = np.stack([0 * here, 1 + here, 1 + after, 0 * here], axis=1)

@@ -5,7 +5,7 @@ most 0.1° thick. Each ring is an even layer of particles that scatter once (Cha
 9). This is right at a slant, where the light comes from the layer's top. For a ring seen and lit from high above, where
 light is scattered more than once, ring B is a third too dark. The thickness of 10 m is far below a pixel.
 
-Left out: the planet's light on the rings, their light on the ground, and gaps narrower than the Cassini Division.
+Left out are the planet's light on the rings, their light on the ground, and gaps narrower than the Cassini Division.
 ``planetshine`` has their shadow on the planet. As there, the unit of length is the planet's distance.
 """
 
@@ -52,15 +52,17 @@ _PHASE_SCALE = _phase_scale()
 
 
 def phase_function(phase: Array) -> Array:
-    """Light that a particle scatters at phase angles (radians), relative to the mean over all directions."""
+    """Compute the light that a particle scatters at phase angles (radians), relative to the mean over all
+    directions.
+    """
     return np.asarray(_PHASE_SCALE * (1 - phase / math.pi) ** _PHASE_POWER)
 
 
 def ring_brightness(ring: Ring, sun: float, seen: Array, phase: Array, lit: bool) -> Array:
-    """I/F of a ring: its radiance relative to a white matt surface that faces the Sun.
+    """Compute I/F of a ring: its radiance relative to a white matt surface that faces the Sun.
 
-    ``sun`` and ``seen`` are sines of the elevations of the Sun and the observer above the ring's plane; ``lit`` is
-    whether both are on one side.
+    ``sun`` and ``seen`` are sines of the elevations of the Sun and the observer above the ring's plane; ``lit`` is true
+    if both are on one side.
     """
     if sun <= 0:
         return np.zeros_like(phase)
@@ -83,16 +85,20 @@ class RingMesh:
 
 
 def shadow_half_angle(radius: Array, sun_elevation: float, flattening: float) -> Array:
-    """Half the angle in radians, seen from the planet, that its shadow covers on circles with ``radius`` in equatorial
-    radii. In the space in which the planet is the unit sphere, a point r (cos φ, sin φ, 0) on the far side is in the
-    shadow of a Sun at elevation β if r² - r² cos² φ cos² β < 1."""
+    """Compute half the angle in radians, at the planet's centre, that its shadow covers on circles with ``radius`` in
+    equatorial radii.
+
+    The planet is the unit sphere in a stretched space. There, a point r (cos φ, sin φ, 0) on the far side is in the
+    shadow of a Sun at elevation β if r² - r² cos² φ cos² β < 1.
+    """
     stretched = math.atan2(math.sin(sun_elevation) / (1 - flattening), math.cos(sun_elevation))
     return np.arccos(np.clip(np.sqrt(np.maximum(radius**2 - 1, 0.0)) / (radius * math.cos(stretched)), 0.0, 1.0))
 
 
 def make_ring_mesh(planet: Planet) -> RingMesh | None:
-    """The rings of a planet; None without rings, or if they are seen from within their plane. Sunlit and shadowed arcs
-    are separate strips, which keeps the edge of the shadow sharp."""
+    """Make the rings of a planet; None without rings, or if they are seen from within their plane. Sunlit and shadowed
+    arcs are separate strips, which keeps the edge of the shadow sharp.
+    """
     height, up = float(-planet.direction @ planet.pole), float(planet.sun @ planet.pole)
     if not planet.rings or abs(height) < 1e-7 or planet.angular_diameter_deg <= 0:
         return None

@@ -1,4 +1,4 @@
-"""The Sun of a rendered scene, the one source of it for ``pair.json``, exports, index tables and reports.
+"""The Sun of a rendered scene, its only source for ``pair.json``, exports, index tables and reports.
 
 Directions come from angles, a date or kernels, and the user may have turned the lamp by hand. Only the lamp at the time
 of the render is true for the images. So angles follow from its direction and are stored for readers only.
@@ -26,7 +26,8 @@ _SAME_SUN = 1e-5
 class SceneSun:
     """The Sun, or a lamp near the ground in its place, as it lit the images. ``direction`` is the unit vector (3,)
     toward it in world axes. ``irradiance_wm2`` is on a facing surface at the origin of the site, less the part that the
-    planet hides. ``distance_m`` is the lamp's distance, 0 for the Sun."""
+    planet hides. ``distance_m`` is the lamp's distance, 0 for the Sun.
+    """
 
     direction: Array
     irradiance_wm2: float
@@ -37,21 +38,21 @@ class SceneSun:
 
     @property
     def elevation_deg(self) -> float:
-        """Elevation of its centre above the horizon."""
+        """Elevation in degrees of its centre above the horizon."""
         return elevation_deg(self.direction)
 
     @property
     def azimuth_deg(self) -> float:
-        """Angle from north over east, 0 to 360."""
+        """Angle in degrees from north over east, 0 to 360."""
         return azimuth_deg(self.direction)
 
     @property
     def ground_irradiance_wm2(self) -> float:
-        """Irradiance of level ground, without shadows."""
+        """Irradiance of level ground in W/m², without shadows."""
         return self.irradiance_wm2 * max(float(self.direction[2]), 0.0)
 
     def to_json(self) -> dict[str, Any]:
-        """The table ``light.sun`` of ``pair.json``."""
+        """Return the table ``light.sun`` of ``pair.json``."""
         return {
             "source": self.source,
             "direction_to_world": self.direction.tolist(),
@@ -66,8 +67,9 @@ class SceneSun:
 
 
 def sun_from_facts(facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of ``sky.describe_sky`` as it lights a scene: without the part behind the planet, and dark below the
-    horizon."""
+    """Make the Sun of ``sky.describe_sky`` as it lights a scene: without the part behind the planet, and dark below the
+    horizon.
+    """
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
     is_up = elevation_deg(direction) + diameter / 2 > 0
@@ -84,7 +86,7 @@ def sun_from_facts(facts: Mapping[str, Any], source: str) -> SceneSun:
 def sun_from_lamp(
     described: SceneSun, direction: Array, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
 ) -> SceneSun:
-    """The Sun of a lamp that was made as ``described``; the user may have turned or changed it since."""
+    """Make the Sun of a lamp that was made as ``described``; the user may have turned or changed it since."""
     stands = np.array([*direction, distance_m])
     same = np.allclose(
         stands, [*described.direction, described.distance_m], rtol=_SAME_SUN, atol=_SAME_SUN
@@ -95,14 +97,15 @@ def sun_from_lamp(
         atol=1e-9,
     )
     shown = direction / np.linalg.norm(direction)
-    if same:  # The lamp is in single precision, and at a grazing Sun that is a percent of the light of the images.
+    if same:  # At a grazing Sun, the lamp's single precision would be a percent of the light of the images.
         return replace(described, direction=shown)
     return SceneSun(shown, irradiance_wm2, angular_diameter_deg, BY_HAND, distance_m=distance_m)
 
 
 def sun_from_json(light: Any) -> SceneSun | None:
-    """The Sun of the table ``light`` of ``pair.json``; None if the table has no valid Sun. In old pairs other numbers
-    of the table may contradict its direction."""
+    """Read the Sun of the table ``light`` of ``pair.json``; None if the table has no valid Sun. In old pairs other
+    numbers of the table may contradict its direction.
+    """
     try:
         sun: Mapping[str, Any] = light["sun"]
         direction = np.array(sun["direction_to_world"], np.float64)

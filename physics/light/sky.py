@@ -30,8 +30,9 @@ from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm
 
 @dataclass(frozen=True)
 class SkyPlace:
-    """The site on a map whose sky is computed: planetocentric degrees, and the angle, clockwise, from the map's up to
-    north."""
+    """The site on a map whose sky is computed: planetocentric degrees, and the angle in degrees, clockwise, from the
+    map's up to north.
+    """
 
     latitude_deg: float
     longitude_deg: float
@@ -54,12 +55,12 @@ class Sky:
 
     @property
     def sun_elevation_deg(self) -> float:
-        """Height of the Sun's centre above the horizon."""
+        """Elevation in degrees of the Sun's centre above the horizon."""
         return elevation_deg(self.sun)
 
     @property
     def sun_is_up(self) -> bool:
-        """Whether any of the Sun's disc is above the horizon; the body itself hides the part below."""
+        """Whether any part of the Sun's disc is above the horizon; the body itself hides the part below."""
         return self.sun_elevation_deg + self.sun_diameter_deg / 2 > 0
 
     @property
@@ -73,14 +74,16 @@ class Sky:
 
     @property
     def above_ring_plane_deg(self) -> float | None:
-        """Angle of the site north of the plane of Saturn's rings, seen from the planet; None without rings."""
+        """Angle in degrees of the site north of the plane of Saturn's rings, seen from the planet; None without
+        rings.
+        """
         if self.planet is None or not self.planet.rings:
             return None
         return _angle_above_plane_deg(self.planet.pole, -self.planet.direction)
 
     @property
     def ground_irradiance_wm2(self) -> tuple[float, float]:
-        """Irradiance of level ground from the Sun and from the planet, without shadows."""
+        """Irradiance of level ground in W/m² from the Sun and from the planet, without shadows."""
         sun = self.sun_irradiance_wm2 * max(float(self.sun[2]), 0.0) * (1.0 - self.eclipse)
         planet = irradiance_wm2(self.planet, np.array([0.0, 0.0, 1.0])) if self.planet and self.planet_is_up else 0.0
         return sun, planet
@@ -88,31 +91,34 @@ class Sky:
     @property
     def planet_over_sun(self) -> float:
         """Ratio of the planet's light to the Sun's, on level ground or on ground that faces them, whichever ratio is
-        larger. Infinite by night, 0 without a lit planet above the horizon."""
+        larger. Infinite by night, 0 without a lit planet above the horizon.
+        """
         planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
         sun_level, planet_level = self.ground_irradiance_wm2
         return planet_to_sun_ratio(planet, planet_level, self.sun_irradiance_wm2 * (1.0 - self.eclipse), sun_level)
 
 
 def planet_to_sun_ratio(planet: float, planet_level: float, sun: float, sun_level: float) -> float:
-    """``Sky.planet_over_sun``, from irradiances in W/m² of planet and Sun on a facing surface and on level ground."""
+    """Compute ``Sky.planet_over_sun``, from irradiances in W/m² of planet and Sun on a facing surface and on level
+    ground.
+    """
     if planet <= 0:
         return 0.0
     return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
 
 
 def elevation_deg(direction: Array) -> float:
-    """Angle of a direction above the horizon."""
+    """Compute the angle in degrees of a direction above the horizon."""
     return _angle_above_plane_deg(np.array([0.0, 0.0, 1.0]), direction)
 
 
 def _angle_above_plane_deg(axis: Array, direction: Array) -> float:
-    """Angle of a direction above the plane that an axis is normal to."""
+    """Compute the angle in degrees of a direction above the plane whose normal is ``axis``."""
     return math.degrees(math.asin(float(np.clip(axis @ direction, -1, 1))))
 
 
 def azimuth_deg(direction: Array) -> float:
-    """Angle of a direction from north over east, 0 to 360."""
+    """Compute the angle in degrees of a direction from north over east, 0 to 360."""
     return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
 
 
@@ -133,13 +139,13 @@ def check_body(
     if abs(radius_km / own_km - 1) > _MAX_RADIUS_DIFFERENCE:
         raise IcyMoonError(
             f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
-            f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
+            f"terrain.body_radius_m is the radius of a body of {radius_km:.0f} km, which has another "
             f"sky; {fix}"
         )
 
 
 def compute_sky(light: LightSettings, blend_folder: str | None = None, place: SkyPlace | None = None) -> Sky:
-    """The sky that ``light`` settings describe; ``blend_folder`` replaces // in ``kernels``.
+    """Compute the sky that ``light`` settings describe; ``blend_folder`` replaces // in ``kernels``.
 
     With a ``place``, the sky of a date is computed over that place and turned so that y is the map's up. Raises
     IcyMoonError if the sky cannot be computed from the stated date or kernels.
@@ -183,8 +189,9 @@ def _choose_rings(light: LightSettings) -> tuple[Ring, ...]:
 
 
 def _star_frame_by_angles(light: LightSettings) -> Array:
-    """The J2000 equatorial frame at a site without a date: its pole is the body's pole, and right ascension 0 h is on
-    the meridian, in the south if the pole is in the north."""
+    """Compute the matrix (3, 3) from the J2000 equatorial frame at a site without a date. Its pole is the body's pole,
+    and right ascension 0 h is on the meridian, in the south if the pole is in the north.
+    """
     latitude = math.radians(light.latitude_deg)
     pole = direction_toward(0.0, light.latitude_deg)
     culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])
@@ -205,7 +212,9 @@ def _find_positions(light: LightSettings, blend_folder: str | None, place: SkyPl
 
 
 def shows_moons(light: LightSettings) -> bool:
-    """Whether the settings ask for other moons and give their places. They need the planet, which hides them."""
+    """Return whether the settings ask for other moons and give their places. Moons need the planet, which hides
+    them.
+    """
     return bool(light.moons and light.planet and light.directions_from != "ANGLES")
 
 
@@ -239,7 +248,7 @@ def _sky_at_date(light: LightSettings, blend_folder: str | None, place: SkyPlace
 
 
 def describe_sky(shown: Sky) -> dict[str, Any]:
-    """The ``light`` table of ``pair.json``."""
+    """Return the ``light`` table of ``pair.json``."""
     planet, on_ground = shown.planet, shown.ground_irradiance_wm2
     return {
         "sun": {

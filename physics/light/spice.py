@@ -24,7 +24,7 @@ from .sunlight import AU_KM
 
 
 def has_spice() -> bool:
-    """Whether this Python has SpiceyPy."""
+    """Return whether this Python has SpiceyPy."""
     return importlib.util.find_spec("spiceypy") is not None
 
 
@@ -37,7 +37,8 @@ def find_positions(
     longitude_deg: float,
     with_moons: bool = False,
 ) -> Positions:
-    """Sun and planet above a site, and its other large moons ``with_moons``, with light time and stellar aberration.
+    """Find the Sun and the planet above a site, and its other large moons ``with_moons``, with light time and stellar
+    aberration.
 
     ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
     ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or
@@ -56,7 +57,7 @@ def find_positions(
     date_utc = format_date(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
-        # Any order of loading will do: it matters only if two kernels contain the same data.
+        # The order of loading matters only if two kernels contain the same data.
         for path in find_kernels(kernels):
             spice.furnsh(str(path))
         return _find_positions(
@@ -112,7 +113,7 @@ def _find_positions(
 
 
 def _list_other_moons(spice: ModuleType, body: str, parent: str) -> list[tuple[str, int]]:
-    """Names and NAIF's numbers of the large moons of the planet except the body."""
+    """List the names and NAIF's numbers of the large moons of the planet except the body."""
     own, planet = spice.bods2c(body), spice.bods2c(parent)
     return [
         (name, moon.number)

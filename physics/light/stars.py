@@ -19,7 +19,7 @@ from ..random_numbers.seeds import make_generator
 from .sunlight import SOLAR_CONSTANT_WM2, sun_colour
 
 SUN_V_MAG = -26.76  # at 1 au, Vega's zero point: Willmer 2018, ApJ Supplement 236, 47
-#: Irradiance of a star of V = 0, W/m² over all wavelengths of sunlight with that V.
+#: Irradiance in W/m² of a star of V = 0, over all wavelengths of sunlight with that V.
 V0_WM2 = SOLAR_CONSTANT_WM2 * 10 ** (0.4 * SUN_V_MAG)
 #: V magnitude to which the catalogue is complete.
 COMPLETE_TO_MAG = 2.5
@@ -38,7 +38,7 @@ class Stars:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """A catalogue of n stars by name, J2000 equator and epoch."""
+    """A catalogue of n stars by name, for the equator and epoch J2000."""
 
     name: tuple[str, ...]
     direction: Array  # (n, 3) unit vectors
@@ -48,8 +48,10 @@ class Catalogue:
 
 @lru_cache(maxsize=1)
 def read_catalogue() -> Catalogue:
-    """The stars of ``stars.csv``, brightest first: every star to V = 2.5; a double star has the light of both.
-    Positions: Hipparcos (ESA SP-1200, 1997). V and B - V: Astronomical Almanac 2016, section H."""
+    """Read the stars of ``stars.csv``, brightest first: every star to V = 2.5; a double star has the light of both.
+
+    Positions: Hipparcos (ESA SP-1200, 1997). V and B - V: Astronomical Almanac 2016, section H.
+    """
     with (Path(__file__).parent / "stars.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     ascension, declination, v_mag, b_v = (
@@ -63,24 +65,27 @@ def read_catalogue() -> Catalogue:
 
 
 def star_irradiance_wm2(v_mag: Array) -> Array:
-    """Irradiance (n,) on a facing surface of stars with the V magnitudes (n,)."""
+    """Compute the irradiance (n,) in W/m² on a facing surface of stars with the V magnitudes (n,)."""
     return np.asarray(V0_WM2 * 10 ** (-0.4 * v_mag))
 
 
 def star_temperature_k(b_v: float) -> float:
-    """Temperature of the black body that is nearest to a star's B - V: Ballesteros 2012, EPL 97, 34008, eq. 14."""
+    """Compute the temperature in K of the black body that is nearest to a star's B - V: Ballesteros 2012, EPL 97,
+    34008, eq. 14.
+    """
     return 4600 * (1 / (0.92 * b_v + 1.7) + 1 / (0.92 * b_v + 0.62))
 
 
 def count_stars_to(v_mag: Numbers) -> Array:
-    """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
+    """Estimate the number of stars in the whole sky that are at least as bright as a V magnitude from 2 to 8."""
     return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_STARS_TO_MAG)), np.log(_STARS_TO_MAG)))
 
 
 def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
-    """Directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky. (Real ones
-    crowd toward the Milky Way, about three times as dense there as at its poles.) Stars are drawn to the faintest
-    magnitude that settings allow, so that a fainter limit moves no star."""
+    """Draw directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky. (Real
+    stars crowd toward the Milky Way, about three times as dense there as at its poles.) Stars are drawn to the faintest
+    magnitude that settings allow, so that a fainter limit moves no star.
+    """
     random = make_generator(seed, "stars")
     first, last = count_stars_to(COMPLETE_TO_MAG), count_stars_to(2 + len(_STARS_TO_MAG) - 1)
     rank = np.arange(float(first), float(last))  # the brightest first
@@ -93,7 +98,7 @@ def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
 
 
 def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: Array) -> Stars:
-    """The stars above the horizon, z > 0 in the frame into which the matrix ``from_j2000`` (3, 3) transforms."""
+    """Return the stars above the horizon, z > 0 in the frame into which the matrix ``from_j2000`` (3, 3) transforms."""
     known = read_catalogue()
     bright = known.v_mag <= faintest_mag
     direction, v_mag = known.direction[bright], known.v_mag[bright]

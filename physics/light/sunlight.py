@@ -19,24 +19,28 @@ BANDS_M = (620e-9, 550e-9, 460e-9)
 
 
 def sun_irradiance_wm2(distance_au: float) -> float:
-    """Solar irradiance over all wavelengths on a facing surface at a heliocentric distance."""
+    """Compute the solar irradiance in W/m², over all wavelengths, on a facing surface at a heliocentric distance."""
     return SOLAR_CONSTANT_WM2 / distance_au**2
 
 
 def apparent_diameter_deg(radius_km: float, distance_km: float) -> float:
-    """Apparent diameter of a sphere whose centre is at a distance: 2 asin(R/d), not the small-angle 2R/d."""
+    """Compute the apparent diameter in degrees of a sphere whose centre is at a distance: 2 asin(R/d), not the
+    small-angle 2R/d.
+    """
     if distance_km <= radius_km:
         return 180.0
     return math.degrees(2 * math.asin(radius_km / distance_km))
 
 
 def sun_diameter_deg(distance_au: float) -> float:
-    """Apparent diameter of the Sun at a heliocentric distance."""
+    """Compute the apparent diameter in degrees of the Sun at a heliocentric distance."""
     return apparent_diameter_deg(SUN_RADIUS_KM, distance_au * AU_KM)
 
 
 def sun_colour(temperature_k: float) -> Array:
-    """Light (3,) of a black body relative to sunlight in the bands R, G, B, divided by the mean over the bands."""
+    """Compute the light (3,) of a black body relative to sunlight in the bands R, G, B, divided by the mean over the
+    bands.
+    """
     wavelength = np.array(BANDS_M)
     ratio = planck_radiance(wavelength, temperature_k) / planck_radiance(wavelength, SUN_TEMPERATURE_K)
     return np.asarray(ratio / ratio.mean())

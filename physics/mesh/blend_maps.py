@@ -1,4 +1,6 @@
-"""A fine map and a coarser map as the heights of one ground: the fine one where it is known, then the coarse one."""
+"""A fine map and a coarser map as the heights of one ground: the fine map where it is known, elsewhere the coarse
+map.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,15 @@ from ..terrain.landforms.landform import smooth_step
 from .height_map import fill_holes
 from .nested_rings import Level
 
-#: The map counts at a place if at least this share of the square around it is known; at a straight edge a half is
-#: known.
+#: Known share of the square around a place above which the map counts there; at a straight edge it is a half.
 _MIN_SHARE = 0.5 - 1e-6
 
 
 @dataclass(frozen=True)
 class LevelMeans:
     """Mean heights (n, n) in metres over the cell around each point of a level's lattice, rows from the south, NaN
-    without a known pixel; and the known share of the map in a wider square around it."""
+    without a known pixel. ``share`` is the known share of the map in a wider square around each point.
+    """
 
     heights_m: Array
     share: Array
@@ -30,7 +32,8 @@ class LevelMeans:
 class BlendedMaps:
     """Heights (n, n) in metres of each level, NaN where no map has ground. ``offset_m`` is the mean of fine minus
     coarse heights where both are blended; it was added to the coarse heights. ``apart_m`` is the RMS of the remaining
-    differences. Both are None without a blend."""
+    differences. Both are None if the maps are not blended anywhere.
+    """
 
     heights_m: list[Array]
     offset_m: float | None = None
@@ -38,7 +41,7 @@ class BlendedMaps:
 
 
 def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequence[LevelMeans] | None) -> BlendedMaps:
-    """The heights of a fine map, blended into a coarse one towards its edges and its large gaps.
+    """Blend the heights of a fine map into a coarse map toward the edges and the large gaps of the fine map.
 
     The fine map counts fully where the square of ``LevelMeans.share`` is known, and not at all where half of it is
     missing, as at an edge. Gaps that are smaller than half of the square are filled smoothly.
@@ -66,7 +69,7 @@ def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequ
 
 
 def _fill_gaps(means: LevelMeans) -> Array:
-    """Heights where enough of the map is known, with gaps filled; NaN elsewhere."""
+    """Return the heights where enough of the map is known, with gaps filled; NaN elsewhere."""
     counts = means.share >= _MIN_SHARE
     heights = means.heights_m
     if not np.isfinite(heights).any():

@@ -1,9 +1,9 @@
 """Walls of broken ice: steep triangles are refined, and chips that differ from top to bottom are broken out.
 
 A height field gives a wall one shape from rim to foot, like a hanging curtain. Here the vertices of steep triangles are
-moved into the ice, along the ground's normal, by a depth that depends on their position in three dimensions: shallow
-scoops that meet at edges, as brittle ice breaks (conchoidal fracture). Their size and depth are guesses from broken sea
-ice and glacier fronts; no image resolves either moon at metres.
+moved into the ice, along the ground's normal, by a depth that depends on their position in three dimensions. The depths
+are shallow scoops that meet at edges, as brittle ice breaks (conchoidal fracture). Their size and depth are guesses
+from broken sea ice and glacier fronts; no image resolves either moon at metres.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from .split_triangles import split_at_sides
 
 #: Vertical part of the unit normal of the gentlest slope that begins to break, 52 degrees.
 _GROUND_COSINE = math.cos(math.radians(52.0))
-#: The same for a slope that is fully a wall, 68 degrees. The sides of fragments, up to 66 degrees steep, break too.
+#: Vertical part of the unit normal of the gentlest slope that is fully a wall, 68 degrees. The sides of fragments, up
+#: to 66 degrees steep, break too.
 _WALL_COSINE = math.cos(math.radians(68.0))
 #: Widths of the scoops over the height of the wall.
 _SCOOP_WIDTHS = (0.5, 0.2, 0.08)
@@ -37,7 +38,7 @@ _SCOOP_TILT = 0.45
 _SCOOP_CURVATURE = 1.3
 #: Depth of the edges between scoops, at which nearly all of them lie in the ice.
 _EDGE_DEPTH = 0.55
-#: Sides of a wall's triangle longer than this, in pixels, are halved.
+#: Length in pixels above which a side of a wall's triangle is halved.
 _LONGEST_SIDE_PX = 3.0
 #: Maximum number of halvings.
 _MAX_HALVINGS = 5
@@ -45,12 +46,12 @@ _MAX_HALVINGS = 5
 _SMOOTHING_PASSES = 3
 #: Share of the largest number of vertices that the mesh has before walls are broken.
 SHARE_BEFORE_BREAKING = 0.75
-#: Points worked on at a time.
+#: Number of points that are processed at a time.
 _POINTS_AT_ONCE = 16384
 
 
 def breaks_walls(settings: Settings) -> bool:
-    """Whether the mesh of complete ``settings`` has broken walls in the cameras' view."""
+    """Return whether the mesh of complete ``settings`` has broken walls in the cameras' view."""
     cracks, chaos, pits, mesh = settings.cracks, settings.chaos, settings.pits, settings.mesh
     walls = (
         (chaos.edges == "BROKEN" and chaos.relief_m > 0.0)
@@ -62,9 +63,10 @@ def breaks_walls(settings: Settings) -> bool:
 
 @dataclass(frozen=True)
 class BrokenMesh:
-    """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and for each triangle (m,) the original
-    triangle that it is part of. ``spacing_m`` (n,) are spacings of vertices on the map, ``loose_m`` (n,) thicknesses of
-    loose material, or None; an added vertex has the mean of two others."""
+    """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and for each triangle (m,) the index of the
+    original triangle that contains it. ``spacing_m`` (n,) are spacings of vertices on the map, and ``loose_m`` (n,)
+    thicknesses of loose material, or None; an added vertex has the mean of two others.
+    """
 
     positions: Array
     faces: Array
@@ -74,8 +76,9 @@ class BrokenMesh:
 
 
 def scoop_depth(points: Array, key: int) -> Array:
-    """Depth (n,) of scoops of width 1 at points (n, 3), from 0 to about 1. It is continuous, with edges between scoops:
-    each cell of a lattice has one bowl, and the deepest bowl counts."""
+    """Compute the depth (n,) of scoops of width 1 at points (n, 3), from 0 to about 1. It is continuous, with edges
+    between scoops: each cell of a lattice has one bowl, and the deepest bowl counts.
+    """
     base = np.floor(points)
     cell, zero = base.astype(np.int64), np.zeros(len(points), np.int64)
     deepest = np.zeros(len(points))
@@ -94,12 +97,14 @@ def scoop_depth(points: Array, key: int) -> Array:
 
 
 def _ten_bit_fractions(h: Array, third: int) -> Array:
-    """Numbers in [0, 1) from ten bits of hashes."""
+    """Extract numbers in [0, 1) from ten bits of hashes."""
     return np.asarray(((h >> np.uint32(10 * third)) & np.uint32(1023)) * (1.0 / 1024.0))
 
 
 def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
-    """Depth (n,) in metres of the chips of walls at points (n, 3), without chips finer than ``finest_m`` (n,)."""
+    """Compute the depth (n,) in metres of the chips of walls at points (n, 3), without chips finer than ``finest_m``
+    (n,).
+    """
     total = np.zeros(len(points))
     for octave, size in enumerate(_SCOOP_WIDTHS):
         width = size * walls.height_m
@@ -112,13 +117,13 @@ def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
 
 
 def wall_steepness(normals: Array) -> Array:
-    """Share (n,), 0 to 1, by which ground with upward normals (n, 3) of any length is a wall."""
+    """Compute the share (n,), 0 to 1, by which ground with upward normals (n, 3) of any length is a wall."""
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
     return smooth_step((_GROUND_COSINE - up) / (_GROUND_COSINE - _WALL_COSINE))
 
 
 def face_normals(positions: Array, faces: Array) -> Array:
-    """Normals (m, 3) of triangles; their length is twice the area."""
+    """Compute the normals (m, 3) of triangles; their length is twice the area."""
     a, b, c = (positions[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
@@ -135,9 +140,9 @@ def break_walls(
     """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map and carry ``loose_m`` (n,) of
     loose material, if that is known.
 
-    Pixels are ``pixel_m`` (n,) wide; where they are infinite, nothing is seen and walls stay as they are. Long sides of
-    a wall's triangles are halved until they are short in pixels, or until more than ``most`` vertices would be needed.
-    Vertices on the mesh's border, as beside triangles that were cut for fine relief, stay fixed.
+    Pixels are ``pixel_m`` (n,) wide; where they are infinite, nothing is visible and walls stay as they are. Long sides
+    of a wall's triangles are halved until they are short in pixels, or until more than ``most`` vertices would be
+    needed. Vertices on the mesh's border, as beside triangles that were cut for fine relief, stay fixed.
     """
     free = np.isfinite(pixel_m)
     free[_find_border(faces, free)] = False
@@ -164,8 +169,11 @@ def break_walls(
 
 
 def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
-    """Positions (n, 3) of the mesh with walls smoothed over a few triangles, by moving the ``free`` (n,) vertices. Rims
-    and feet run obliquely to the mesh, so its columns would otherwise show as flutes in the wall."""
+    """Smooth the walls of a mesh over a few triangles, by moving the ``free`` (n,) vertices. Return all positions (n,
+    3).
+
+    Rims and feet run obliquely to the mesh, so its columns would otherwise show as flutes in the wall.
+    """
     near = faces[free[faces].any(axis=1)]
     wall = _vertex_steepness(positions, near) * free
     near = near[(wall > 0.0)[near].any(axis=1)]
@@ -186,7 +194,7 @@ def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
 
 
 def _sum_vertex_normals(positions: Array, faces: Array) -> Array:
-    """Sums (n, 3) of the normals of some triangles at each vertex."""
+    """Sum the normals of some triangles at each vertex, (n, 3)."""
     of_faces = face_normals(positions, faces)
     return np.stack(
         [
@@ -201,28 +209,29 @@ def _sum_vertex_normals(positions: Array, faces: Array) -> Array:
 
 
 def _vertex_steepness(positions: Array, faces: Array) -> Array:
-    """Steepness (n,) of the vertices of some triangles; 0 for all other vertices."""
+    """Compute the steepness (n,) of the vertices of some triangles; 0 for all other vertices."""
     normals = _sum_vertex_normals(positions, faces)
     return wall_steepness(normals) * (normals[:, 2] != 0.0)
 
 
 def _triangle_sides(faces: Array) -> Array:
-    """The sides (m, 3, 2) of triangles, each from the lower to the higher vertex."""
+    """List the sides (m, 3, 2) of triangles, each from the lower to the higher vertex."""
     return np.sort(np.stack([faces[:, [k, (k + 1) % 3]] for k in range(3)], axis=1), axis=2).astype(np.int64)
 
 
 def _find_border(faces: Array, near: Array) -> Array:
-    """Vertices on sides that belong to only one triangle, among the vertices ``near`` (n,)."""
+    """Find the vertices on sides that belong to only one triangle, among the vertices ``near`` (n,)."""
     sides = _triangle_sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
-    sides = sides[near[sides].any(axis=1)]  # of these, all triangles are here
+    sides = sides[near[sides].any(axis=1)]  # all triangles of these sides are among the faces
     keys, uses = np.unique(sides[:, 0] * len(near) + sides[:, 1], return_counts=True)
     keys = keys[uses == 1]
     return np.concatenate([keys // len(near), keys % len(near)])
 
 
 def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
-    """The long sides (k, 2) of walls; for each of c triangles with a long side, the indices (c, 3) of its sides in that
-    list, -1 for short sides; and the indices (c,) of these triangles."""
+    """Find the long sides (k, 2) of walls, and the c triangles with a long side. Return the long sides, the indices (c,
+    3) of each triangle's sides among them (-1 for short sides), and the indices (c,) of these triangles.
+    """
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
     wall = near[wall_steepness(face_normals(positions, faces[near])) > 0.0]
     sides = _triangle_sides(faces[wall]).reshape(-1, 2)
@@ -242,7 +251,9 @@ def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Arr
 
 
 def _chip_offsets(positions: Array, faces: Array, walls: Walls, free: Array) -> Array:
-    """Offsets (n, 3) in metres by which chips move each vertex into the ice; 0 unless the vertex is ``free``."""
+    """Compute the offsets (n, 3) in metres by which chips move each vertex into the ice; 0 unless the vertex is
+    ``free``.
+    """
     near = faces[free[faces].any(axis=1)]
     normals = _sum_vertex_normals(positions, near)
     length, number = np.zeros(len(positions)), np.zeros(len(positions))

@@ -1,6 +1,6 @@
 """Cuts triangles along lines, so that an edge of the ground is an edge of its mesh.
 
-Without cuts a crest shows as a saw: a vertex beside it is lower by its distance times the slope of the walls, and a
+Without cuts a crest looks like a saw: a vertex beside it is lower by its distance times the slope of the walls, and a
 crest that runs obliquely to the mesh passes vertices at periodic distances. Vertices near the line are moved onto it,
 and the triangles that it still crosses are cut, so that no sliver remains.
 """
@@ -20,9 +20,9 @@ from .split_triangles import split_at_sides
 Line = Callable[[Array, Array], Array]
 #: Vertices nearer to the line than this share of their spacing are moved onto it. Below a half, no triangle folds.
 _SNAP_SHARE = 0.42
-#: Newton's steps onto the line.
+#: Number of Newton's steps onto the line.
 _NEWTON_STEPS = 3
-#: Bisections of an edge, after which a double is exact.
+#: Number of bisections of an edge, after which a double is exact.
 _BISECTIONS = 40
 #: Spacing of the coarsest triangles that are cut, over the distance between lines.
 _COARSEST_CUT = 0.15
@@ -34,14 +34,14 @@ _MIN_DOUBLE_AREA = 0.05
 
 @dataclass(frozen=True)
 class CutMesh:
-    """Positions (n, 2) and triangles (m, 3) of a mesh, and whether a position is on a line (n,)."""
+    """Positions (n, 2) and triangles (m, 3) of a mesh; ``on_line`` (n,) is true for positions on a line."""
 
     places: Array
     faces: Array
     on_line: Array
 
     def find_sharp_edges(self) -> Array:
-        """The edges (k, 2) of the triangles that lie on a line."""
+        """Find the edges (k, 2) of the triangles that lie on a line."""
         faces = self.faces[self.on_line[self.faces].sum(axis=1) > 1]  # a hundredth of all
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
         return np.unique(edges[self.on_line[edges].all(axis=1)], axis=0)
@@ -50,7 +50,8 @@ class CutMesh:
 def cut_along_lines(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float) -> CutMesh:
     """Cut triangles along lines that are about ``apart_m`` apart. ``step_m`` (n,) is the length of the edges at each
     place. Triangles too coarse for the lines stay whole, and so do edges along which ``line`` jumps from the
-    surroundings of one line to another's."""
+    surroundings of one line to another's.
+    """
     fine = np.flatnonzero((step_m[faces] < _COARSEST_CUT * apart_m).sum(axis=1) > 1)
     if not fine.size:
         return CutMesh(places, faces, np.zeros(len(places), bool))
@@ -82,8 +83,9 @@ def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: f
 
 
 def _move_without_folding(places: Array, faces: Array, which: Array, moved: Array, step_m: Array) -> Array:
-    """Move places, in place, except where a triangle would lose nearly all of its area. Returns which places moved
-    (n,)."""
+    """Move places, in place, except where a triangle would lose nearly all of its area. Return which places moved, bool
+    (n,).
+    """
     start, on_line = places[which].copy(), np.zeros(len(places), bool)
     places[which], on_line[which] = moved, True
     least = _MIN_DOUBLE_AREA * step_m[faces[:, 0]] ** 2
@@ -101,19 +103,19 @@ def _move_without_folding(places: Array, faces: Array, which: Array, moved: Arra
 
 
 def _edge_crosses_line(value: Array, start: Array, end: Array, widest_m: float) -> Array:
-    """Whether a line crosses edges, from the signed distances at their ends."""
+    """Return whether a line crosses edges, from the signed distances at their ends."""
     one, other = value[start], value[end]
     return (one * other < 0.0) & (np.abs(one - other) < widest_m)
 
 
 def _find_crossed(value: Array, faces: Array, widest_m: float) -> Array:
-    """Indices of the triangles with an edge that a line crosses."""
+    """Find the indices of the triangles with an edge that a line crosses."""
     edges = [_edge_crosses_line(value, faces[:, k], faces[:, (k + 1) % 3], widest_m) for k in range(3)]
     return np.flatnonzero(np.logical_or.reduce(edges))
 
 
 def _move_onto_line(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Array]:
-    """Places on the line near the ``start`` places, and whether each is within ``furthest_m``."""
+    """Find places on the line near the ``start`` places, and whether each is within ``furthest_m``."""
     places, h = start.copy(), 1e-3 * furthest_m
     for _ in range(_NEWTON_STEPS if len(start) else 0):
         x, y = places.T
@@ -148,7 +150,7 @@ def _split_crossed(
 
 
 def _bisect_edges(places: Array, edges: Array, value: Array, line: Line) -> Array:
-    """The places (k, 2) at which the line crosses each edge (k, 2)."""
+    """Find the places (k, 2) at which the line crosses each edge (k, 2)."""
     start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
     sign = np.sign(value[edges[:, 0]])
     for _ in range(_BISECTIONS if len(edges) else 0):

@@ -1,4 +1,4 @@
-"""Faces of a mesh that can lie under points, so that a search for heights has few faces to look through."""
+"""Faces of a mesh that can lie under points, so that a search for heights tests few faces."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Faces that are measured at a time, which bounds the memory.
+#: Number of faces that are measured at a time, which bounds the memory.
 _BLOCK = 2**18
-#: Neighbouring faces with common bounds. Where these are far from all points, the faces are not looked at.
+#: Number of neighbouring faces with common bounds. If these are far from all points, the faces are not tested.
 _RUN = 128
-#: Cells along a side of the map of points, for each point along a side, and their maximum number.
+#: Number of cells along a side of the map of points, for each point along a side, and its maximum.
 _CELLS_PER_POINT, _MAX_CELLS = 4, 2048
 #: Widening of the bounds of faces, over the largest coordinate of a point: 16 steps of single precision.
 _MARGIN = 16 * float(np.finfo(np.float32).eps)
@@ -21,9 +21,10 @@ _MARGIN = 16 * float(np.finfo(np.float32).eps)
 
 @dataclass(frozen=True)
 class FacesOnMap:
-    """Faces seen from above: east ``x_m`` and north ``y_m`` (n,) of the vertices, the vertex (k,) of each corner, and
-    the first corner of each face and the number of corners (m + 1,). ``runs`` (r, 4) are the bounds of runs of faces:
-    west, south, east and north."""
+    """Faces seen from above. ``x_m`` and ``y_m`` (n,) are east and north of the vertices. ``corners`` (k,) is the
+    vertex of each corner, and ``starts`` (m + 1,) the first corner of each face and the number of corners. ``runs`` (r,
+    4) are the bounds of runs of faces: west, south, east and north.
+    """
 
     x_m: Array
     y_m: Array
@@ -33,7 +34,7 @@ class FacesOnMap:
 
     @classmethod
     def measure(cls, positions: Array, corners: Array, starts: Array) -> FacesOnMap:
-        """Faces from positions (n, 3) and corners (k,); ``starts`` (m,) are the first corners of the faces."""
+        """Measure faces with positions (n, 3) and corners (k,); ``starts`` (m,) are the first corners of the faces."""
         x, y = (np.ascontiguousarray(positions[:, axis], np.float32) for axis in (0, 1))
         firsts = np.append(starts, len(corners)).astype(np.int64)
         runs = [np.empty((0, 4), np.float32)]
@@ -44,8 +45,9 @@ class FacesOnMap:
         return cls(x, y, corners, firsts, np.concatenate(runs))
 
     def find_under(self, x_m: Array, y_m: Array) -> Array:
-        """The faces (k,), in their order, that may have one of the points (n,) above or below them, and others close
-        to points. No face is missed that has a point within its bounds on the map."""
+        """Find the faces (k,), in their order, that may have one of the points (n,) above or below them, and others
+        close to points. No face is missed that has a point within its bounds on the map.
+        """
         finite = np.isfinite(x_m) & np.isfinite(y_m)
         if not finite.any():
             return np.empty(0, np.int64)
@@ -60,21 +62,26 @@ class FacesOnMap:
         return np.concatenate(found)
 
     def pick(self, faces: Array) -> tuple[Array, Array]:
-        """The vertex (k,) of each corner of some faces (m,), and the first corner (m,) of each of them."""
+        """Return the vertex (k,) of each corner of some faces (m,), and the first corner (m,) of each of these
+        faces.
+        """
         sizes = self.starts[faces + 1] - self.starts[faces]
         starts = np.cumsum(sizes) - sizes
         return self.corners[np.repeat(self.starts[faces] - starts, sizes) + np.arange(sizes.sum())], starts
 
 
 def _measure_bounds(x_m: Array, y_m: Array, starts: Array) -> Array:
-    """West, south, east and north bounds (m, 4) of groups of points (n,) with these first points (m,)."""
+    """Measure the west, south, east and north bounds (m, 4) of groups of points (n,) whose first points are ``starts``
+    (m,).
+    """
     return np.stack([each.reduceat(axis, starts) for each in (np.minimum, np.maximum) for axis in (x_m, y_m)], axis=1)
 
 
 @dataclass(frozen=True)
 class _OccupiedCells:
-    """A map of square cells over points: its south-west corner (2,), the side of a cell, a margin, all in metres, and
-    the number of points (n + 1, n + 1) south and west of each corner of the cells, by row and column."""
+    """A map of square cells over points: its south-west corner (2,), the side of a cell and a margin, all in metres.
+    ``before`` (n + 1, n + 1) is the number of points south and west of each corner of the cells, by row and column.
+    """
 
     corner_m: Array
     side_m: float
@@ -94,7 +101,7 @@ class _OccupiedCells:
         return cls(corner, side, margin, before)
 
     def meet(self, bounds: Array) -> Array:
-        """Whether there are points in the cells that bounds (m, 4) on the map reach into (m,)."""
+        """Return whether points lie in the cells that each of the bounds (m, 4) on the map reaches, bool (m,)."""
         count = len(self.before) - 1
         west, south, east, north = (
             np.clip(

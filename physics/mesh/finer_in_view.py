@@ -33,7 +33,7 @@ _MIN_HEIGHT = 0.5
 #: median angle between shading normal and facet is below 2 degrees, with 1.5 it is 3.5 (``python benchmarks
 #: fine_relief``).
 _SPACING_PX = 1.25
-#: Displacement that carries less than this share of the relief's height is reported.
+#: Share of the relief's height below which displacement is reported.
 _REPORTED_SHARE = 0.95
 #: Largest spacing of vertices, in wavelengths, that carry all of a wave; at one wavelength the wave is bump.
 CARRIED_SPACING = 1.0 / 1.5
@@ -54,17 +54,17 @@ RELIEF_RIG_SETTINGS = (
 
 
 def relief_wavelengths_m(surface: SurfaceSettings) -> Array:
-    """Wavelengths (4,) of the octaves of fine relief in metres, longest first."""
+    """Compute the wavelengths (4,) of the octaves of fine relief in metres, longest first."""
     return np.asarray(surface.grain_size_m * 0.5 ** np.arange(OCTAVES))
 
 
 def relief_height_m(surface: SurfaceSettings) -> float:
-    """Height of fine relief in metres, between the lowest and the highest 2 % of the surface."""
+    """Compute the height of fine relief in metres, between the lowest and the highest 2 % of the surface."""
     return float(_HEIGHT_OVER_RMS * RMS_OVER_AMPLITUDE * surface.grain_amplitude_m)
 
 
 def resolved_share(surface: SurfaceSettings, spacing_m: float) -> float:
-    """Share of the RMS height of fine relief that vertices ``spacing_m`` apart carry."""
+    """Compute the share of the RMS height of fine relief that vertices ``spacing_m`` apart carry."""
     waves = relief_wavelengths_m(surface)
     share = np.clip((1.0 - spacing_m / waves) / (1.0 - CARRIED_SPACING), 0.0, 1.0)
     weight = 0.25 ** np.arange(OCTAVES)
@@ -72,12 +72,16 @@ def resolved_share(surface: SurfaceSettings, spacing_m: float) -> float:
 
 
 def find_undisplaced_spacing_m(surface: SurfaceSettings) -> float:
-    """Vertex spacing in metres above which fine relief does not move vertices; infinite if it may move all vertices."""
+    """Find the vertex spacing in metres above which fine relief does not move vertices; infinite if it may move all
+    vertices.
+    """
     return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
 
 
 def advise_on_displacement(settings: Settings, spacing_m: float) -> list[str]:
-    """A sentence if displacement loses fine relief on a mesh whose nearest vertices are ``spacing_m`` apart."""
+    """Return a sentence, in a list, if displacement loses fine relief on a mesh whose nearest vertices are
+    ``spacing_m`` apart; else an empty list.
+    """
     surface = settings.surface
     if surface.relief != "DISPLACEMENT" or surface.grain_amplitude_m == 0.0:
         return []
@@ -92,7 +96,9 @@ def advise_on_displacement(settings: Settings, spacing_m: float) -> list[str]:
 
 
 def nearest_ground_m(rig: RigSettings) -> float:
-    """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
+    """Compute the distance in metres of the nearest level ground that the images show; the camera's height if they look
+    up.
+    """
     half = (0.5 + float(rig.overscan)) * int(rig.height_px) + abs(float(rig.principal_y_px))
     down = math.radians(rig.pitch_deg) + math.atan(half / focal_px(rig))
     return float(rig.height_m) / math.sin(down) if 0 < down < math.pi / 2 else float(rig.height_m)
@@ -101,7 +107,7 @@ def nearest_ground_m(rig: RigSettings) -> float:
 @dataclass(frozen=True)
 class FineRelief:
     """The cut of the visible triangles for fine relief. Up to ``to_m`` metres from the nearer eye fine relief is
-    geometry; sides of triangles are cut into ``parts`` there, and vertices are then ``spacing_px`` apart. With
+    geometry. There, sides of triangles are cut into ``parts``, and vertices are then ``spacing_px`` apart. With
     ``everywhere``, triangles beyond that distance are cut too, and all cut triangles carry shorter waves of the ground.
     """
 
@@ -116,12 +122,12 @@ class FineRelief:
         return self.parts * self.spacing_px
 
     def is_cut(self, distance_m: Array) -> Array:
-        """Whether visible triangles at distances (n,) in metres from the nearer eye are cut."""
+        """Return whether visible triangles at distances (n,) in metres from the nearer eye are cut."""
         return np.full(np.shape(distance_m), True) if self.everywhere else np.asarray(distance_m <= self.to_m)
 
 
 def find_relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
-    """The fine relief in the graded mesh of complete ``settings``; None if the mesh has none."""
+    """Find the fine relief in the graded mesh of complete ``settings``; None if the mesh has none."""
     if settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
     error_px, everywhere = float(settings.mesh.error_px), settings.mesh.seen == "FINE"
@@ -133,13 +139,15 @@ def find_relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRel
 
 
 def is_relief_geometry(settings: Settings) -> bool:
-    """Whether complete ``settings`` ask for fine relief as geometry, on procedural ground."""
+    """Return whether complete ``settings`` ask for fine relief as geometry, on procedural ground."""
     surface = settings.surface
     return bool(surface.relief == "REAL" and surface.grain_amplitude_m > 0.0 and settings.source.kind == "PROCEDURAL")
 
 
 def is_carried_by_grid(settings: Settings) -> bool:
-    """Whether complete ``settings`` ask for fine relief as geometry on a uniform grid that carries part of it."""
+    """Return whether complete ``settings`` ask for fine relief as geometry on a uniform grid that carries part of
+    it.
+    """
     terrain = settings.terrain
     return (
         is_relief_geometry(settings)

@@ -21,7 +21,7 @@ from .horizon import drop_m
 from .split_triangles import split_triangles
 from .vertex_spacing import CARRIED_WAVELENGTH, VertexSpacing, choose_vertex_spacing
 
-#: Number of vertices processed together: neighbouring rings, whose noise is then looked up in one small table.
+#: Number of vertices that are processed together: neighbouring rings, whose noise is then in one small table.
 _VERTICES_AT_ONCE = 16384
 #: Replaces an infinite spacing before means are taken.
 _LARGE_SPACING_M = 1.0e9
@@ -31,8 +31,9 @@ _LARGE_SPACING_M = 1.0e9
 class GradedMesh:
     """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``. If the visible
     part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for other
-    vertices, and ``fine`` (m,) is true for triangles that are part of a cut one. ``loose_m`` (n,) are thicknesses of
-    loose material in metres, if they are asked for."""
+    vertices, and ``fine`` (m,) is true for parts of a cut triangle. ``loose_m`` (n,) are thicknesses of loose material
+    in metres, if they are asked for.
+    """
 
     positions: Array
     faces: Array
@@ -44,9 +45,10 @@ class GradedMesh:
 
 @dataclass(frozen=True)
 class GradedGround:
-    """Ground on a sphere that touches the map at the site, and the grading of its mesh. ``rig`` are the settings of the
+    """Ground on a sphere that touches the map at the site, and the grading of its mesh. ``rig`` is the settings of the
     cameras that see the finer part; None without a finer part. With ``breaks_walls`` the mesh has at most ``most``
-    vertices; with ``measures_loose`` it has the thickness of loose material."""
+    vertices; with ``measures_loose`` it has the thickness of loose material.
+    """
 
     ground: Terrain
     grading: VertexSpacing
@@ -59,7 +61,7 @@ class GradedGround:
 
     @property
     def size_m(self) -> float:
-        """Side in metres of the patch that rocks lie on."""
+        """Side in metres of the patch on which rocks lie."""
         return self.ground.size_m
 
     @property
@@ -68,11 +70,11 @@ class GradedGround:
         return CARRIED_WAVELENGTH * self.grading.finest_m
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres above the tangent plane at the site; see ``Surface.heights``."""
+        """Compute heights in metres above the tangent plane at the site; see ``Surface.heights``."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
 
     def measure_loose(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Thicknesses in metres of loose material; see ``Terrain.measure_loose``."""
+        """Compute thicknesses in metres of loose material; see ``Terrain.measure_loose``."""
         return self.ground.measure_loose(x_m, y_m, shortest_m)
 
     @property
@@ -81,17 +83,18 @@ class GradedGround:
         return self.ground.skirts
 
     def without_skirts(self) -> GradedGround:
-        """The same ground without skirts, on which rocks lie."""
+        """Return the same ground without skirts, on which rocks lie."""
         return replace(self, ground=self.ground.without_skirts())
 
     def compute_skirts(self, x_m: Array, y_m: Array) -> Array:
-        """Heights in metres of the skirts above the ground at places (n, …) of a ground with skirts, with the detail of
-        the mesh."""
+        """Compute the heights in metres of the skirts above the ground at places (n, …) of a ground with skirts, with
+        the detail of the mesh.
+        """
         assert self.skirts is not None
         return self.skirts.heights(x_m, y_m, self.find_carried_wavelengths(x_m, y_m))
 
     def find_carried_wavelengths(self, x_m: Array, y_m: Array) -> Array:
-        """Shortest wavelengths in metres of the mesh at places (n, …), as on level ground."""
+        """Find the shortest wavelengths in metres of the mesh at places (n, …), as on level ground."""
         at = self.grading.view
         east, north = np.asarray(x_m) - at.x_m, np.asarray(y_m) - at.y_m
         spacing = self.grading.spacing_at(np.hypot(east, north))
@@ -103,14 +106,14 @@ class GradedGround:
         return CARRIED_WAVELENGTH * spacing
 
     def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """Depth in metres of the curved body below the tangent plane at the site."""
+        """Compute the depth in metres of the curved body below the tangent plane at the site."""
         at = self.grading.view
         return drop_m(
             np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m), self.body_radius_m
         )
 
     def mesh(self) -> tuple[Array, Array, Array]:
-        """Vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
+        """Make vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
 
         Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
         """
@@ -118,7 +121,7 @@ class GradedGround:
         return made.positions, made.faces, made.sharp
 
     def mesh_with_relief(self) -> GradedMesh:
-        """``mesh`` with the finer part that the cameras see."""
+        """Make ``mesh`` with the finer part that the cameras see."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.spread_to_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
@@ -143,16 +146,16 @@ class GradedGround:
         return whole
 
     def _find_crest_lines(self) -> list[tuple[Line, float]]:
-        """The lines along which triangles are cut, each with the distance in metres to the next."""
+        """List the lines along which triangles are cut, each with the distance in metres to the next."""
         crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
         return [(line, each.apart_m) for each in crests for line in each.lines]
 
     def _relative_to_site(self, places: Array) -> Array:
-        """East and north (2, n) from the left eye, in metres, of places or positions (n, 2 or 3)."""
+        """Compute east and north (2, n) from the left eye, in metres, of places or positions (n, 2 or 3)."""
         return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
 
     def _raise_to_ground(self, places: Array, step: Array) -> Array:
-        """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
+        """Compute the positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
         shortest = _round_to_single(CARRIED_WAVELENGTH * step)
         for start in range(0, len(places), _VERTICES_AT_ONCE):
@@ -161,11 +164,13 @@ class GradedGround:
         return positions
 
     def _measure_loose_at(self, places: Array, step: Array) -> Array:
-        """Thicknesses (n,) of loose material at places (n, 2) of a mesh with spacings ``step`` (n,)."""
+        """Compute the thicknesses (n,) of loose material at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         return self.ground.measure_loose(places[:, 0], places[:, 1], _round_to_single(CARRIED_WAVELENGTH * step))
 
     def _cut_for_relief(self, whole: GradedMesh, step: Array) -> GradedMesh:
-        """The mesh with smaller triangles where the cameras see high enough fine relief, or everywhere in view."""
+        """Return the mesh with smaller triangles where the cameras see high enough fine relief, or everywhere in
+        view.
+        """
         relief, at = self.grading.relief, self.grading.view
         assert relief is not None
         assert self.rig is not None
@@ -192,7 +197,7 @@ class GradedGround:
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut, loose)
 
     def _break_visible_walls(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
-        """The mesh with broken walls where they are near enough and in view."""
+        """Return the mesh with broken walls where they are near enough and in view."""
         at = self.grading.view
         assert self.rig is not None
         east, north = self._relative_to_site(whole.positions)
@@ -209,7 +214,7 @@ class GradedGround:
         return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, fine, broken.loose_m)
 
     def advice(self, settings: Settings) -> list[str]:
-        """Sentences about a mesh that is coarser than the settings ask for; else an empty list."""
+        """List sentences about a mesh that is coarser than the settings ask for."""
         wanted, mesh = self.grading.wanted_vertices, settings.mesh
         if self.grading.error_px <= mesh.error_px and wanted <= mesh.most:
             return []
@@ -240,13 +245,14 @@ class GradedGround:
 
 
 def _round_to_single(values: Array) -> Array:
-    """Values in single precision, as Blender stores them. Sines and powers differ between machines in the last bit of a
-    double; rounded values do not."""
+    """Round values to single precision, as Blender stores them. Sines and powers differ between machines in the last
+    bit of a double; rounded values do not.
+    """
     return values.astype(np.float32).astype(np.float64)
 
 
 def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
-    """The graded ground of complete ``settings``."""
+    """Grade the ground of complete ``settings``."""
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
     broken, most = breaks_walls(settings), int(settings.mesh.most)
     # Spacings follow from the rounded crests, so that cutting along crests changes no spacing.

@@ -2,7 +2,7 @@
 
 A height map stores the height at the centre of each pixel, rows from north to south, as images and GeoTIFF do. Between
 centres heights are bilinear, as on a mesh of quadrilaterals. Procedural roughness of another ground may be added below
-the pixel.
+the size of a pixel.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from ...support.arrays import Array, Numbers
 from .ground_interface import Surface, compute_fine_heights
 
-#: Magnitude from which on a value is no height: the most negative float32 is a usual mark of missing heights.
+#: Magnitude above which a value is no height: the most negative float32 is a usual mark of missing heights.
 NO_HEIGHT = 1e30
 
 
@@ -24,9 +24,9 @@ NO_HEIGHT = 1e30
 class HeightMap:
     """Ground on a grid of measured heights.
 
-    ``heights_m`` (rows, columns) is finite, row 0 northernmost; ``pixel_m`` is the size of a pixel
-    (east, north); ``west_m`` and ``south_m`` are the coordinates of the centre of the lower left
-    pixel. The ground is the part of it within ``size_m``/2 of the origin; beyond it heights are NaN.
+    ``heights_m`` (rows, columns) is finite, row 0 northernmost. ``pixel_m`` is the size of a pixel (east, north).
+    ``west_m`` and ``south_m`` are the coordinates of the centre of the lower left pixel. The ground is the part of the
+    map within ``size_m``/2 of the origin; beyond it heights are NaN.
     """
 
     heights_m: Array
@@ -38,7 +38,9 @@ class HeightMap:
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
-        """West, east, south and north edge of the ground; west > east or south > north if there is no ground."""
+        """West, east, south and north edge of the ground in metres; west > east or south > north if there is no
+        ground.
+        """
         rows, columns = self.heights_m.shape
         half = self.size_m / 2
         return (
@@ -50,12 +52,13 @@ class HeightMap:
 
     @property
     def resolution_m(self) -> float:
-        """Shortest wavelength that the measured heights carry: two pixels of the finer axis."""
+        """Shortest wavelength in metres that the measured heights carry: two pixels of the finer axis."""
         return 2.0 * min(self.pixel_m)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
-        """Heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
-        ``shortest_m`` limits the added roughness only; measured heights stay unchanged."""
+        """Compute heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
+        ``shortest_m`` limits the added roughness only; measured heights stay unchanged.
+        """
         x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         west, east, south, north = self.bounds_m
         slack = 1e-9 * max(self.size_m, 1.0)  # a vertex on the edge is on the ground, whatever its last bit
@@ -86,10 +89,13 @@ def place_map(
     origin_m: tuple[float, float],
     size_m: float,
 ) -> tuple[HeightMap, tuple[float, float, float]]:
-    """A height map with its origin at the place that the settings state, and the shift (3,) that was added.
+    """Make a height map with its origin at the place that the settings state. Also return the shift (3,) that was
+    added.
+
     ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre``, the origin is
     ``origin_m`` from the middle of the map, at its median height. Without it, the origin is ``origin_m`` in the file's
-    coordinates, and heights stay."""
+    coordinates, and heights stay.
+    """
     rows, columns = heights_m.shape
     middle = (corner_m[0] + (columns - 1) * pixel_m[0] / 2, corner_m[1] + (rows - 1) * pixel_m[1] / 2)
     reference = middle if centre else (0.0, 0.0)
@@ -99,15 +105,16 @@ def place_map(
 
 
 def add_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
-    """The same ground with procedural roughness below its resolution."""
+    """Return the same ground with procedural roughness below its resolution."""
     return replace(ground, roughness=roughness)
 
 
 def fill_holes(heights_m: Array) -> Array:
-    """Heights with the NaN pixels filled smoothly from their surroundings; known pixels stay.
+    """Fill the NaN pixels of heights smoothly from their surroundings; known pixels stay. Raises ValueError if no pixel
+    is finite.
 
     Push-pull (Gortler et al., "The Lumigraph", SIGGRAPH 1996): averages over ever larger squares are made, then each
-    hole takes the finest available average, bilinearly. Raises ValueError if no pixel is finite.
+    hole takes the finest available average, bilinearly.
     """
     known = np.isfinite(heights_m)
     if not known.any():
@@ -116,7 +123,7 @@ def fill_holes(heights_m: Array) -> Array:
 
 
 def _fill_from_coarse(total: Array, weight: Array) -> Array:
-    """Averages ``total`` where ``weight`` is 1, filled where it is 0."""
+    """Return averages ``total`` where ``weight`` is 1, filled where it is 0."""
     if weight.all():
         return total
     rows, columns = total.shape
@@ -130,7 +137,7 @@ def _fill_from_coarse(total: Array, weight: Array) -> Array:
 
 
 def _double_resolution(coarse: Array, shape: tuple[int, ...]) -> Array:
-    """A grid of twice the resolution, bilinear between the centres of the coarse squares."""
+    """Resample to a grid of twice the resolution, bilinearly between the centres of the coarse squares."""
     for axis in (0, 1):
         at = np.clip((np.arange(shape[axis]) - 0.5) / 2, 0, coarse.shape[axis] - 1)
         low = np.minimum(at.astype(np.int64), max(coarse.shape[axis] - 2, 0))
@@ -142,7 +149,8 @@ def _double_resolution(coarse: Array, shape: tuple[int, ...]) -> Array:
 
 def clear_missing_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
     """Set values equal to ``mark`` to NaN, in place, and return their number. ``number`` is the type of the file's
-    values; a mark may be stated with fewer digits than the values have."""
+    values; a mark may be stated with fewer digits than the values have.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         slack = 2 * float(np.spacing(number.type(abs(mark)))) if number.kind == "f" else 0.0
         found = np.abs(values - mark) <= slack
@@ -151,17 +159,17 @@ def clear_missing_mark(values: Array, mark: float, number: np.dtype[Any]) -> int
 
 
 def clear_stated_mark(values: Array, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
-    """Clear a mark that the settings state, see ``clear_missing_mark``; returns a sentence about it."""
+    """Clear a mark that the settings state, see ``clear_missing_mark``; return a sentence about it."""
     count = clear_missing_mark(values, mark, number)
     return (f"{count} pixel{'s' * (count != 1)} of {mark:g} without a height, by source.missing",)
 
 
 def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
-    """Heights with NaN in place of a mark of missing heights that the file does not state, and sentences.
+    """Replace a mark of missing heights that the file does not state by NaN. Return the heights and sentences.
 
-    A value is taken for a mark if it is the lowest or the highest one, if several pixels have exactly this value or it
-    is a usual mark, and if its distance from all others is more than ``_MARK_DISTANCE`` times their range: -9999,
-    -32768 or 0 among heights of some kilometres.
+    A value counts as a mark under three conditions. It is the lowest or the highest value; several pixels have exactly
+    this value or it is a usual mark; and its distance from all others is more than ``_MARK_DISTANCE`` times their
+    range. Examples are -9999, -32768 or 0 among heights of some kilometres.
     """
     sentences = []
     for pick in (np.min, np.max):
@@ -192,7 +200,9 @@ _MAX_MARKED = 0.5
 
 
 def make_grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-    """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
+    """Make vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and
+    ``y_m``.
+    """
     rows, columns = heights_m.shape
     positions = np.empty((rows, columns, 3), np.float32)
     positions[..., 0], positions[..., 1], positions[..., 2] = x_m[None, :], y_m[:, None], heights_m

@@ -14,7 +14,8 @@ from .horizon import drop_m
 @dataclass(frozen=True)
 class MeshGround:
     """The highest surface of a mesh above each point: vertices (n, 3) in metres, triangles (m, 3). Every point is
-    compared with all triangles, 10 ms per million, which suits the few points that a camera stands on."""
+    compared with all triangles, 10 ms per million, which suits the few points on which a camera stands.
+    """
 
     positions: Array
     faces: Array
@@ -25,7 +26,7 @@ class MeshGround:
         return 2 * float(np.abs(self.positions[:, :2]).max())
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
-        """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no mesh."""
+        """Find heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no mesh."""
         x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         found = [self._highest_at(a, b) for a, b in zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)]
         return np.array(found).reshape(x.shape)
@@ -64,5 +65,5 @@ class SurroundedGround(MeshGround):
         return self.patch_m
 
     def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """Depth in metres of the curved body below the tangent plane at the origin."""
+        """Compute the depth in metres of the curved body below the tangent plane at the origin."""
         return drop_m(np.hypot(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)), self.body_radius_m)

@@ -1,5 +1,6 @@
-"""A hole in a mesh for the finer patch of a trench: the triangles to remove, and the loop of vertices round the
-hole."""
+"""A hole in a mesh for the finer patch of a trench: the triangles to remove, and the loop of vertices around the
+hole.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +17,12 @@ _ON_SIDE_DISTANCE = 1.0e-3
 def cut_hole(
     positions: Array, faces: Array, bounds_m: tuple[float, float, float, float], free_m: float
 ) -> tuple[Array, Array] | None:
-    """Mask (m,) of the triangles of a mesh that stay around a hole, and the counter-clockwise loop of vertices around
-    the hole.
+    """Cut a hole into a mesh. Return the mask (m,) of the triangles that stay, and the counter-clockwise loop of
+    vertices around the hole. None if the rim is not one closed loop, or if the mesh does not surround it.
 
     Triangles are removed if their box meets the rectangle west, south, east, north, widened by ``free_m``; if they are
     at a vertex where the rim would meet itself; or if a seam joins them to removed triangles. At a seam several small
-    triangles lie along one side of a larger triangle. None if the rim is not one closed loop, or if the mesh does not
-    surround it.
+    triangles lie along one side of a larger triangle.
     """
     west, south, east, north = bounds_m
     meets = np.ones(len(faces), bool)
@@ -47,7 +47,9 @@ def cut_hole(
 
 
 def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array]:
-    """Triangles (m,) to remove, including those across a seam, and the edges (k, 2) between them and the others."""
+    """Find the triangles to remove, bool (m,), including triangles across a seam, and the edges (k, 2) between them and
+    the others.
+    """
     while True:
         edges, owners, sides = _find_seams(positions, faces, meets)
         grown, across = meets.copy(), owners[sides]
@@ -63,12 +65,13 @@ def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, A
 
 
 def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array, Array]:
-    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of edge indices: the
-    first edge belongs to a larger triangle, and the second lies along it."""
+    """Find edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of edge indices:
+    the first edge belongs to a larger triangle, and the second lies along it.
+    """
     used = np.zeros(len(positions), bool)
     used[faces[meets]] = True
     around = np.zeros(len(positions), bool)
-    around[faces[used[faces].any(axis=1)]] = True  # small triangles along a side have corners that others do not
+    around[faces[used[faces].any(axis=1)]] = True  # small triangles along a side have additional corners
     near = np.flatnonzero(around[faces].any(axis=1))
     edges, owners = _find_rim_edges(faces[near])
     owners = near[owners]
@@ -86,7 +89,7 @@ def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Ar
 
 
 def _order_loop(once: Array) -> Array | None:
-    """The vertices of edges (k, 2), in order; None if they are not one loop."""
+    """Order the vertices of edges (k, 2); None if they are not one loop."""
     if not len(once):
         return None
     follows = dict(once.tolist())
@@ -99,7 +102,9 @@ def _order_loop(once: Array) -> Array | None:
 
 
 def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
-    """Edges (k, 2) of triangles that have a triangle on their left only, and the number of that triangle (k,)."""
+    """Find the edges (k, 2) of triangles that have a triangle on their left only, and the index of this triangle
+    (k,).
+    """
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     many = int(faces.max()) + 1 if len(faces) else 1
     forward, backward = edges[:, 0] * many + edges[:, 1], edges[:, 1] * many + edges[:, 0]
@@ -108,13 +113,15 @@ def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
 
 
 def list_grid_rim(rows: int, columns: int) -> Array:
-    """Indices of the vertices on the rim of a grid, counter-clockwise from the first."""
+    """List the indices of the vertices on the rim of a grid, counter-clockwise from the first."""
     number = np.arange(rows * columns).reshape(rows, columns)
     return np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
 
 
 def is_inside_loop(points: Array, loop: Array) -> Array:
-    """Whether points (n, 2) are inside a loop (k, 2): whether a ray eastward crosses it an odd number of times."""
+    """Return whether points (n, 2) are inside a loop (k, 2): whether a ray eastward crosses it an odd number of
+    times.
+    """
     inside = np.zeros(len(points), bool)
     for (x0, y0), (x1, y1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
         if y0 == y1:

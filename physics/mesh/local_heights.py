@@ -1,4 +1,4 @@
-"""Heights of points above the mean height of their surroundings, which hollows and tops of one width stand out from."""
+"""Heights of points above the mean height of their surroundings, by which hollows and tops of one width stand out."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Cells along the width of the surroundings, and most cells along a side of the map of means.
+#: Number of cells along the width of the surroundings, and its maximum along a side of the map of means.
 _CELLS_OF_WIDTH, _MAX_CELLS = 12, 2048
 
 
 def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) -> tuple[Array, Array]:
-    """Heights (n,) in metres of points (n,) above the mean of all heights within a square of ``width_m`` around each,
-    and whether (n,) they are known.
+    """Measure the heights (n,) in metres of points (n,) above the mean of all heights within a square of ``width_m``
+    around each, and whether (n,) they are known.
 
-    The mean counts equal areas, wherever points are dense, by the mean of each cell of a twelfth of the width, or of
-    the extent of the points if that is smaller. Points outside the map of 2048 x 2048 cells around their middle are not
-    known, and have 0.
+    The mean weights equal areas equally, even where points are dense, because it averages the means of cells. A cell is
+    a twelfth of the width, or of the extent of the points if that is smaller. Points outside the map of 2048 x 2048
+    cells around their middle are not known, and have 0.
     """
     middle = (float(np.median(x_m)), float(np.median(y_m)))
     extent = 2.0 * max(np.abs(x_m - middle[0]).max(), np.abs(y_m - middle[1]).max())
@@ -40,13 +40,14 @@ def measure_local_heights(x_m: Array, y_m: Array, z_m: Array, width_m: float) ->
 
 
 def _sum_squares(values: Array, column: Array, row: Array, reach: float) -> Array:
-    """Integrals (n,) of a map (rows, columns) of square cells over squares of twice ``reach`` cells around places (n,),
-    in cells: the centre of cell 0 is at 0. There is nothing outside the map."""
+    """Integrate a map (rows, columns) of square cells over squares of twice ``reach`` cells around places (n,). Places
+    are in cells, with the centre of cell 0 at 0. Values outside the map are 0.
+    """
     total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     total[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
 
     def integrate(down: Array, across: Array) -> Array:
-        """The integral from the corner of the map; it is bilinear within a cell."""
+        """Integrate from the corner of the map; the integral is bilinear within a cell."""
         at = [np.clip(each + 0.5, 0.0, limit) for each, limit in ((down, values.shape[0]), (across, values.shape[1]))]
         low = [
             np.minimum(np.floor(each).astype(np.int64), limit - 1) for each, limit in zip(at, values.shape, strict=True)

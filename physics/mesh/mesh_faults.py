@@ -18,11 +18,10 @@ _AXES = "XYZ"
 
 @dataclass(frozen=True)
 class MeshReport:
-    """Counts of a mesh's parts and faults. ``facing_down`` is a share of the area, ``extents`` (3,) are metres.
+    """Counts of a mesh's parts and faults. ``facing_down`` is a share of the area, ``extents_m`` (3,) are metres.
 
-    ``boundary_loops`` are the rims of holes; an open sheet has one, its outer rim.
-    ``inconsistent_edges`` lie between two faces, one of them turned inside out. ``up`` is the axis that
-    most of the area faces.
+    ``boundary_loops`` are the rims of holes; an open sheet has one, its outer rim. ``inconsistent_edges`` lie between
+    two faces, one of them turned inside out. ``up`` is the axis toward which most of the area faces.
     """
 
     vertices: int
@@ -42,7 +41,7 @@ class MeshReport:
     up: str
 
     def lines(self) -> list[str]:
-        """The report as lines of text, without counts of 0."""
+        """Describe the report as lines of text, without counts of 0."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
         rim = f" beside the outer rim ({format_count(self.boundary_edges, 'open edge')})"
         counted = (
@@ -67,13 +66,13 @@ class MeshReport:
 
 
 def face_normals(positions: Array, faces: Array) -> Array:
-    """Normals (m, 3) of triangles, their length twice the area."""
+    """Compute the normals (m, 3) of triangles; their length is twice the area."""
     a, b, c = (np.asarray(positions, np.float64)[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
 def label_components(n: int, a: Array, b: Array) -> Array:
-    """Label (n,) of each of n nodes: the smallest node that links ``a``-``b`` connect it with."""
+    """Label each of n nodes by the smallest node of its component, (n,). Links connect the nodes ``a`` and ``b``."""
     label = np.arange(n)
     while len(a):
         low = np.minimum(label[a], label[b])
@@ -87,7 +86,8 @@ def label_components(n: int, a: Array, b: Array) -> Array:
 
 
 def find_equal_rows(rows: Array) -> tuple[Array, Array]:
-    """Index (k,) of the first occurrence of each distinct row, and for each row (n,) its index among the distinct rows.
+    """Find the index (k,) of the first occurrence of each distinct row, and for each row (n,) its index among the
+    distinct rows.
 
     ``np.unique`` along an axis does the same ten times slower.
     """
@@ -101,15 +101,16 @@ def find_equal_rows(rows: Array) -> tuple[Array, Array]:
 
 
 def _count_groups(label: Array) -> int:
-    """Number of connected components, from the label of each node."""
+    """Count the connected components, from the label of each node."""
     return int(np.count_nonzero(label == np.arange(len(label))))
 
 
 @dataclass(frozen=True)
 class _Edges:
     """The half-edges of faces, sorted by edge. ``face`` (k,) is the face of a half-edge; ``forward`` (k,) is true if it
-    runs from the smaller to the larger vertex. ``first`` (e,) is the first half-edge of an edge, ``count`` (e,) its
-    number of half-edges, and ``ends`` (e, 2) its vertices, the smaller first."""
+    runs from the smaller to the larger vertex. ``first`` (e,) is the first half-edge of an edge, ``count`` (e,) the
+    edge's number of half-edges, and ``ends`` (e, 2) its vertices, the smaller first.
+    """
 
     face: Array
     forward: Array
@@ -119,7 +120,7 @@ class _Edges:
 
 
 def _sort_edges(faces: Array, vertices: int) -> _Edges:
-    """The half-edges of faces (m, 3), sorted by edge; ``vertices`` is the number of vertices."""
+    """Sort the half-edges of faces (m, 3) by edge; ``vertices`` is the number of vertices."""
     begin, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     order = np.argsort(low * vertices + high, kind="stable")
@@ -135,7 +136,7 @@ def _sort_edges(faces: Array, vertices: int) -> _Edges:
 
 
 def _find_neighbours(edges: _Edges) -> tuple[Array, Array, Array]:
-    """The two faces of each edge that exactly two faces share, and whether both have the same orientation."""
+    """Find the two faces of each edge that exactly two faces share, and whether both have the same orientation."""
     at = edges.first[edges.count == 2]
     return edges.face[at], edges.face[at + 1], edges.forward[at] != edges.forward[at + 1]
 
@@ -175,8 +176,9 @@ def examine_mesh(positions: Array, faces: Array) -> MeshReport:
 
 
 def _find_degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
-    """Faces of finite vertices without area, within the rounding of single precision. Rounding grows with the distance
-    from the middle, and a site with ground to the horizon has fine triangles near the middle."""
+    """Find the faces, bool (m,), of finite vertices without area, within the rounding of single precision. Rounding
+    grows with the distance from the middle, and a site with ground to the horizon has fine triangles near the middle.
+    """
     if not len(faces):
         return np.zeros(0, bool)
     middle = np.median(positions[np.isfinite(positions).all(axis=1)], axis=0)
@@ -185,12 +187,12 @@ def _find_degenerate(positions: Array, faces: Array, twice_area: Array) -> Array
 
 
 def repair_mesh(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Array, Array, Array | None]:
-    """The mesh without parts that cannot be rendered, and with its upper side up.
+    """Return the mesh without parts that cannot be rendered, and with its upper side up.
 
-    Drops faces without area, doubled faces, and faces with a vertex that is not finite. Merges vertices of equal
-    coordinates. Turns the faces of each part alike: an open part up, a closed part outward. Holes stay, since nothing
-    was measured there. ``uv`` (m, 3, 2) belongs to the corners of faces and is repaired with them; vertices are merged
-    across a seam of the image, the seam stays.
+    Faces without area, doubled faces, and faces with a vertex that is not finite are dropped. Vertices of equal
+    coordinates are merged. The faces of each part are turned alike: an open part up, a closed part outward. Holes stay,
+    since nothing was measured there. ``uv`` (m, 3, 2) belongs to the corners of faces and is repaired with them.
+    Vertices are merged across a seam of the image, but the seam stays.
     """
     finite = np.isfinite(positions).all(axis=1)
     of_face = np.flatnonzero(finite[faces].all(axis=1))
@@ -213,7 +215,7 @@ def repair_mesh(positions: Array, faces: Array, uv: Array | None = None) -> tupl
 
 
 def orient_faces(positions: Array, faces: Array) -> Array:
-    """The faces, turned alike within each part: an open part up, a closed part outward.
+    """Turn the faces alike within each part: an open part up, a closed part outward.
 
     Every face is two nodes, one for each orientation. Links connect states that fit together, so that one component
     contains a consistent choice for a part. A part with both states of a face in one component cannot be turned alike
@@ -231,7 +233,8 @@ def orient_faces(positions: Array, faces: Array) -> Array:
     normals = face_normals(positions, faces)
     open_part = np.zeros(m, bool)
     open_part[part[edges.face[edges.first[edges.count != 2]]]] = True
-    # Outward is a positive volume: the sum over faces of the centroid, from the part's middle, on the normal.
+    # A closed part faces outward if its volume is positive: the sum over faces of a corner, seen from the part's
+    # middle, times the normal.
     corner = np.asarray(positions, np.float64)[faces[:, 0]]
     count = np.maximum(np.bincount(part, minlength=m), 1)
     middle = np.stack([np.bincount(part, corner[:, k], m) / count for k in range(3)], axis=1)

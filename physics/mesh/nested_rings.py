@@ -15,14 +15,14 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Fewest and most cells along the inner side of a ring: a cell is then as wide as 1/16 to 1/128 of its distance from
-#: the middle.
+#: Minimum and maximum number of cells along the inner side of a ring. A cell is then 1/16 to 1/128 of its distance from
+#: the middle wide.
 _FEWEST_CELLS, _MAX_CELLS = 32, 256
-#: Fewest cells across a ring, so that widths double gradually.
+#: Minimum number of cells across a ring, so that widths double gradually.
 _FEWEST_ACROSS = 2
-#: Cells of a ring are finer than this share of the pixels of its map only where the doubling needs it.
+#: Least width of a ring's cells over the pixels of its map, except where the doubling needs finer cells.
 _PIXEL_SHARE = 0.5
-#: Cells along a side of the patch are a multiple of this number, so that rings can be twice as coarse again and again.
+#: Divisor of the number of cells along a side of the patch, so that rings can be twice as coarse again and again.
 _MULTIPLE = 4
 
 
@@ -30,7 +30,8 @@ _MULTIPLE = 4
 class Level:
     """The patch, or a ring around it. ``half_m`` is half the side of its outer square and ``cell_m`` the width of its
     cells, in metres. ``inner`` and ``outer`` are the numbers of cells along the sides of its inner square (0 for the
-    patch) and of its outer square."""
+    patch) and of its outer square.
+    """
 
     half_m: float
     cell_m: float
@@ -53,7 +54,9 @@ class Level:
         return 2 * (self.outer**2 - self.inner**2) + 4 * self.inner
 
     def find_ring_vertices(self) -> Array:
-        """Mask (outer + 1, outer + 1) of the lattice points that are vertices of the ring, outside the inner square."""
+        """Find the lattice points that are vertices of the ring, outside the inner square: bool (outer + 1, outer +
+        1).
+        """
         own = np.ones((self.outer + 1, self.outer + 1), bool)
         if self.inner:
             inside = slice(self.across, self.across + self.inner + 1)
@@ -62,16 +65,17 @@ class Level:
 
 
 def count_cells(vertices: int) -> int:
-    """Number of cells along a side of a patch with rings, for a wanted number of vertices along it: up to three more
-    than without rings, to be a multiple of four."""
+    """Count the cells along a side of a patch with rings, for a wanted number of vertices along it. They are up to
+    three more than without rings, to be a multiple of four.
+    """
     return _MULTIPLE * math.ceil((vertices - 1) / _MULTIPLE)
 
 
 def plan_levels(cells: int, size_m: float, reach_m: float, pixel_at: Callable[[float], float]) -> list[Level]:
-    """The patch of ``size_m`` with ``cells`` along its side, and the rings out to a distance of ``reach_m``.
+    """Plan the patch of ``size_m`` with ``cells`` along its side, and the rings out to a distance of ``reach_m``.
 
-    ``pixel_at`` returns the width in metres of the pixels of the map at a distance from the middle. The first rings
-    are as narrow as possible where their cells are finer than half of a pixel.
+    ``pixel_at`` returns the width in metres of the pixels of the map at a distance from the middle. The first rings are
+    as narrow as possible where their cells are finer than half of a pixel.
     """
     levels = [Level(size_m / 2, size_m / cells, 0, cells)]
     most = max(_FEWEST_CELLS, min(_MAX_CELLS, cells // 2 // _MULTIPLE * _MULTIPLE))
@@ -87,15 +91,16 @@ def plan_levels(cells: int, size_m: float, reach_m: float, pixel_at: Callable[[f
 
 @dataclass(frozen=True)
 class RingMesh:
-    """Positions (n, 2) of vertices in metres and triangles (m, 3), counter-clockwise from above: the vertices of the
-    levels from the patch outward, each in the order of ``Level.find_ring_vertices``, rows from the south."""
+    """Positions (n, 2) of vertices in metres and triangles (m, 3), counter-clockwise from above. Vertices are sorted by
+    level from the patch outward, in a level in the order of ``Level.find_ring_vertices``, rows from the south.
+    """
 
     places: Array
     faces: Array
 
 
 def build_rings(levels: Sequence[Level]) -> RingMesh:
-    """The mesh of the levels of ``plan_levels``."""
+    """Build the mesh of the levels of ``plan_levels``."""
     places: list[Array] = []
     faces: list[Array] = []
     count, before = 0, np.empty((0, 0), np.int64)
@@ -116,7 +121,7 @@ def build_rings(levels: Sequence[Level]) -> RingMesh:
 
 
 def _halve_cells(index: Array, level: Level) -> Array:
-    """Two triangles for each cell of a level's lattice, except for cells inside or beside the inner square."""
+    """Make two triangles for each cell of a level's lattice, except for cells inside or beside the inner square."""
     wanted = np.ones((level.outer, level.outer), bool)
     if level.inner:
         inside, wide = (slice(level.across - k, level.across + level.inner + k) for k in (0, 1))
@@ -128,8 +133,9 @@ def _halve_cells(index: Array, level: Level) -> Array:
 
 
 def _join_to_inside(index: Array, before: Array, level: Level) -> list[Array]:
-    """Three triangles for each cell beside the inner square. The vertex amid the cell's inner side is from the lattice
-    ``before``, the next level inward."""
+    """Make three triangles for each cell beside the inner square. The vertex amid the cell's inner side is from the
+    lattice ``before``, the next level inward.
+    """
     low, high = level.across, level.across + level.inner
     k = np.arange(low, high)
     sides = (  # two vertices of the outer side, two of the inner side, and the vertex amid the inner side
@@ -146,7 +152,9 @@ def _join_to_inside(index: Array, before: Array, level: Level) -> list[Array]:
 
 
 def drop_unknown_vertices(mesh: RingMesh, heights_m: Array) -> tuple[Array, Array]:
-    """Positions (k, 3) and triangles (m, 3) of the part of a mesh whose vertices have finite heights (n,)."""
+    """Return the positions (k, 3) and triangles (m, 3) of the part of a mesh whose vertices have finite heights
+    (n,).
+    """
     faces = mesh.faces[np.isfinite(heights_m)[mesh.faces].all(axis=1)]
     used = np.zeros(len(heights_m), bool)
     used[faces] = True

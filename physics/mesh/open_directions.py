@@ -9,15 +9,16 @@ import numpy as np
 from ...support.arrays import Array
 from .nested_rings import Level
 
-#: Distances that are tried along a direction.
+#: Number of distances that are tried along a direction.
 _DISTANCES = 256
 
 
 def find_open_directions(
     levels: Sequence[Level], heights_m: Sequence[Array], eye_m: tuple[float, float], azimuths_deg: Array, to_m: float
 ) -> Array:
-    """Whether ground ends within ``to_m`` of an eye at ``eye_m`` (east, north), in directions (n,) from north over
-    east. ``heights_m`` (n, n) are the heights of the lattice of each level, NaN without ground."""
+    """Find whether ground ends within ``to_m`` of an eye at ``eye_m`` (east, north), bool (n,), in directions (n,) from
+    north over east. ``heights_m`` (n, n) are the heights of the lattice of each level, NaN without ground.
+    """
     azimuth = np.radians(np.asarray(azimuths_deg, np.float64))
     distance = np.geomspace(max(levels[0].cell_m, 1e-3 * to_m), max(to_m, levels[0].cell_m), _DISTANCES)
     x = eye_m[0] + np.sin(azimuth)[:, None] * distance

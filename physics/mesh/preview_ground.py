@@ -26,12 +26,12 @@ from .vertex_spacing import (
 
 #: Number of parts into which the sides of visible triangles are cut. With more parts, more of the vertices are in view.
 _PARTS_OF_SIDE = 4
-#: The spacing grows with this power of the distance. On level ground, whose image is foreshortened, vertices are then
+#: Power of the distance with which the spacing grows. On level ground, whose image is foreshortened, vertices are then
 #: equally dense over the image.
 _SPACING_EXPONENT = 1.5
 #: Spacing, in pixels, from which the search for the spacing starts, and number of its steps.
 _FIRST_SPACING_PX, _SEARCH_STEPS = 16.0, 3
-#: Number of points by which the distance is found beyond which no ground is visible.
+#: Number of points by which the farthest visible ground is found.
 _POINTS_OF_FARTHEST = 200
 
 
@@ -49,17 +49,17 @@ class PreviewGround(GradedGround):
         return super().site_wavelength_m / (self.grading.relief.parts if self.grading.relief else 1)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres; see ``Surface.heights``."""
+        """Compute heights in metres; see ``Surface.heights``."""
         if self.flat:
             return self.ground.heights(x_m, y_m, np.maximum(shortest_m, self.shortest_m))
         return super().heights(x_m, y_m, shortest_m)
 
     def compute_mesh_heights(self, x_m: Array, y_m: Array) -> Array:
-        """Heights in metres with the wavelengths that the mesh carries at places (n, …)."""
+        """Compute heights in metres with the wavelengths that the mesh carries at places (n, …)."""
         return self.heights(x_m, y_m, self.find_carried_wavelengths(x_m, y_m))
 
     def mesh_with_relief(self) -> GradedMesh:
-        """The mesh; on a flat patch without the triangles beyond its sides."""
+        """Make the mesh; on a flat patch without the triangles beyond its sides."""
         made = super().mesh_with_relief()
         if not self.flat:
             return made
@@ -78,13 +78,15 @@ class PreviewGround(GradedGround):
         )
 
     def _raise_to_ground(self, places: Array, step: Array) -> Array:
-        """Positions (n, 3) of the ground at places (n, 2), which are moved to the sides of a flat patch from beyond."""
+        """Compute the positions (n, 3) of the ground at places (n, 2). Places beyond a flat patch are moved to its
+        sides.
+        """
         half = self.size_m / 2
         return super()._raise_to_ground(np.clip(places, -half, half) if self.flat else places, step)
 
 
 def make_preview_ground(ground: Terrain, settings: Settings, most: int) -> PreviewGround:
-    """The coarse ground of complete ``settings`` with about ``most`` vertices."""
+    """Make the coarse ground of complete ``settings`` with about ``most`` vertices."""
     flat = settings.mesh.kind == "GRID"
     return PreviewGround(
         ground,
@@ -97,7 +99,7 @@ def make_preview_ground(ground: Terrain, settings: Settings, most: int) -> Previ
 
 
 def _space_vertices(ground: Terrain, settings: Settings, most: int, flat: bool) -> VertexSpacing:
-    """The spacing with which the mesh has about ``most`` vertices."""
+    """Find the spacing with which the mesh has about ``most`` vertices."""
     at = make_grading_view(settings.rig)
     if flat:
         half = ground.size_m / 2

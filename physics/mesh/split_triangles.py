@@ -1,4 +1,4 @@
-"""Cuts some triangles of a mesh into equal smaller ones, without a crack to the triangles that stay whole."""
+"""Cuts some triangles of a mesh into equal smaller triangles, without a crack to the triangles that stay whole."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SplitMesh:
     bordering: Array
 
     def spread(self, values: Array) -> Array:
-        """Values (n, …) of all vertices from the ``values`` of the vertices before the cut."""
+        """Compute values (n, …) of all vertices from the ``values`` of the vertices before the cut."""
         of_parents = np.asarray(values)[self.parents]
         weights = self.weights.reshape(self.weights.shape + (1,) * (of_parents.ndim - 2))
         return np.concatenate([values, (of_parents * weights).sum(axis=1)])
@@ -45,7 +45,7 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
     first_inside = vertices + along * len(keys)
 
     def on_edge(side: int, step: int) -> Array:
-        """Vertices ``step`` parts from the start of a side, of each triangle."""
+        """Return the vertices ``step`` parts from the start of a side, of each triangle."""
         from_low = np.where(begin[:, side] == low[:, side], step, parts - step)
         return np.asarray(vertices + along * edge[:, side] + from_low - 1)
 
@@ -76,8 +76,10 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
 
 
 def split_at_sides(faces: Array, middle: Array) -> tuple[Array, Array]:
-    """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides, and the original triangle of
-    each (m,). Side k goes from corner k to the next; -1 is a side without a cut. Each triangle has at least one cut."""
+    """Cut triangles (c, 3) at vertices ``middle`` (c, 3) on their sides. Return the parts (m, 3), and the index (m,) of
+    the original triangle of each. Side k goes from corner k to the next; -1 is a side without a cut. Each triangle has
+    at least one cut.
+    """
     made: list[Array] = []
     which: list[Array] = []
     number, index = (middle >= 0).sum(axis=1), np.arange(len(faces))

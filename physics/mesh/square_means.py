@@ -1,7 +1,7 @@
 """Mean heights of a map over squares, accumulated from pieces of the map.
 
 The map is the surface that is bilinear between the centres of its pixels. Its mean over a square is therefore exact on
-a plane, the mean of the pixels over a square of many, and the height itself over a square that is small against a
+a plane, the mean of the pixels over a square of many pixels, and the height itself over a square much smaller than a
 pixel. Missing pixels do not count. Positions are in pixels: the centre of pixel 0 is at 0.
 """
 
@@ -20,23 +20,26 @@ _EMPTY = 1e-9
 @dataclass(frozen=True)
 class Squares:
     """Squares on a lattice of a map: their centres along x (columns) and y (rows), ascending, and half of their width
-    along each, in pixels."""
+    along each, in pixels.
+    """
 
     columns: Array
     rows: Array
     half: tuple[float, float]
 
     def widened(self, times: float) -> Squares:
-        """The same centres with wider squares."""
+        """Return wider squares with the same centres."""
         return Squares(self.columns, self.rows, (self.half[0] * times, self.half[1] * times))
 
     def at_least(self, half: float) -> Squares:
-        """The same centres with squares of at least this half width: differences of sums round small ones."""
+        """Return squares with the same centres and at least this half width. Differences of sums would round smaller
+        squares.
+        """
         return Squares(self.columns, self.rows, (max(self.half[0], half), max(self.half[1], half)))
 
     @property
     def window(self) -> tuple[float, float, float, float]:
-        """First and last column, and first and last row that count, in pixels."""
+        """First and last column, and first and last row, that count, in pixels."""
         (a, b), (c, d) = (
             (float(at[0]) - half - 1.0, float(at[-1]) + half + 1.0)
             for at, half in ((self.columns, self.half[0]), (self.rows, self.half[1]))
@@ -45,8 +48,9 @@ class Squares:
 
 
 def integrate_along(values: Array, first: int, low: Array, high: Array) -> Array:
-    """Integrals (rows, n) of rows of pixels from ``low`` to ``high`` (n,), each pixel a triangle of two pixels' width
-    about its centre; ``first`` is the number of the first pixel of ``values`` (rows, pixels)."""
+    """Integrate rows of pixels from ``low`` to ``high`` (n,); returns (rows, n). Each pixel is a triangle of two
+    pixels' width about its centre; ``first`` is the number of the first pixel of ``values`` (rows, pixels).
+    """
     count = values.shape[1]
     total = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
     padded = np.concatenate([values, np.zeros((len(values), 1))], axis=1)  # column -1 and column count are 0
@@ -65,7 +69,8 @@ def integrate_along(values: Array, first: int, low: Array, high: Array) -> Array
 @dataclass
 class SquareSums:
     """Sums of heights and of their weights over squares, and the known share of ``wide`` squares around the same
-    middles; pieces of the map are added one after the other."""
+    middles; pieces of the map are added one after the other.
+    """
 
     squares: Squares
     wide: Squares
@@ -78,7 +83,7 @@ class SquareSums:
         self.total, self.weight, self.wide_weight = (np.zeros(shape) for _ in range(3))
 
     def add(self, values: Array, first_row: int, first_column: int) -> None:
-        """Add pixels (rows, columns), rows ascending as positions do; NaN for missing ones."""
+        """Add pixels (rows, columns), rows ascending as positions do; NaN for missing pixels."""
         known = np.isfinite(values)
         if not known.any():
             return
@@ -109,7 +114,7 @@ def _area(squares: Squares) -> float:
 
 
 def _find_touched(at: Array, half: float, first: int, count: int) -> slice:
-    """The ascending places whose squares touch some pixels."""
+    """Find the ascending places whose squares touch some pixels."""
     low, high = np.searchsorted(at, (first - 1 - half, first + count + half))
     return slice(int(low), int(high))
 
@@ -124,7 +129,7 @@ def _add_block(sums: Array, squares: Squares, values: Array, first_row: int, fir
 
 
 def _add_full_block(sums: Array, squares: Squares, rows: int, columns: int, first_row: int, first_column: int) -> None:
-    """``_add_block`` for values that are all 1, computed as a product."""
+    """Add as ``_add_block`` does, for values that are all 1, computed as a product."""
     across = _find_touched(squares.columns, squares.half[0], first_column, columns)
     down = _find_touched(squares.rows, squares.half[1], first_row, rows)
     x, y = squares.columns[across], squares.rows[down]

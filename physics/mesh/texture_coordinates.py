@@ -10,7 +10,7 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Number of surface points over which the mean of an image is taken: right within 1/256 of its contrast.
+#: Number of surface points over which an image is averaged; the mean is right within 1/256 of the image's contrast.
 _SURFACE_POINTS = 65536
 #: Step that fills a line evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
 _LINE_STEP = 0.6180339887498949
@@ -19,7 +19,7 @@ _SQUARE_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 
 def halve_coordinates(uv: Array) -> Array:
-    """Coordinates of the triangles that ``halve_edges`` cuts each triangle into, in its order."""
+    """Compute the coordinates of the triangles into which ``halve_edges`` cuts each triangle, in its order."""
     a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     return np.concatenate(
@@ -28,7 +28,9 @@ def halve_coordinates(uv: Array) -> Array:
 
 
 def repair_coordinates(uv: Array) -> tuple[Array | None, list[str]]:
-    """The coordinates with 0 in place of NaN and infinity (None if they cover no area), and sentences about them."""
+    """Replace NaN and infinity in coordinates by 0. Return the coordinates, None if they cover no area, and sentences
+    about them.
+    """
     known = np.isfinite(uv).all(axis=2)
     kept = np.where(known[..., None], uv, np.float32(0.0))
     edges = (kept[:, 1:] - kept[:, :1]).astype(np.float64)
@@ -45,14 +47,15 @@ def repair_coordinates(uv: Array) -> tuple[Array | None, list[str]]:
 
 
 def _double_areas(positions: Array, faces: Array) -> Array:
-    """Areas (m,) of triangles, each twice."""
+    """Compute twice the area (m,) of each triangle."""
     corner = positions[faces].astype(np.float64)
     return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
 
 
 def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Array]:
-    """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the share (k,) of the area that each
-    represents; the shares sum to 1. ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices."""
+    """Sample points spread over the surface of a mesh. Return their coordinates (k, 2) float64, and the share (k,) of
+    the area that each represents; the shares sum to 1. ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices.
+    """
     rank = np.arange(_SURFACE_POINTS)
     if len(faces) > _SURFACE_POINTS:  # some triangles by their area, evenly spread
         face = np.unique((rank * _LINE_STEP % 1.0 * len(faces)).astype(np.int64))
@@ -69,6 +72,8 @@ def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Ar
 
 
 def find_pixels(uv: Array, rows: int, columns: int) -> tuple[Array, Array]:
-    """Row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv`` (k, 2)."""
+    """Find the row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv``
+    (k, 2).
+    """
     u, v = (uv % 1.0).T
     return (v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(max=columns - 1)

@@ -16,15 +16,16 @@ _MIN_PER_RING = 6
 
 @dataclass(frozen=True)
 class VertexRings:
-    """Increasing radii in metres (n,), and numbers of vertices (n,). Every second ring is turned by half a step. Vertex
-    0 is the centre; the rings follow from the inside out, each counter-clockwise from east."""
+    """Rings with increasing radii in metres (n,), and numbers of vertices (n,). Every second ring is turned by half a
+    step. Vertex 0 is the centre; the rings follow from the inside out, each counter-clockwise from east.
+    """
 
     radius_m: Array
     count: Array
 
     @classmethod
     def of(cls, radius_m: Array, spacing_m: Array) -> VertexRings:
-        """Rings whose vertices are about ``spacing_m`` (n,) apart."""
+        """Make rings whose vertices are about ``spacing_m`` (n,) apart."""
         count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _MIN_PER_RING).astype(np.int64)
         return cls(np.asarray(radius_m, np.float64), count)
 
@@ -34,18 +35,18 @@ class VertexRings:
         return 1 + int(self.count.sum())
 
     def map_positions(self) -> tuple[Array, Array]:
-        """East and north (vertices,) of the vertices from the centre, in metres."""
+        """Compute east and north (vertices,) of the vertices from the centre, in metres."""
         ring, place = self._ring_places()
         angle = (place + 0.5 * (ring % 2)) * (2 * np.pi / self.count[ring])
         x, y = (np.concatenate([[0.0], self.radius_m[ring] * f(angle)]) for f in (np.cos, np.sin))
         return x, y
 
     def spread_to_vertices(self, values: Array, centre: float) -> Array:
-        """Values (n,) of the rings, as values (vertices,) of their vertices."""
+        """Spread values (n,) of the rings to their vertices (vertices,); vertex 0 gets ``centre``."""
         return np.concatenate([[centre], np.repeat(values, self.count)])
 
     def faces(self) -> Array:
-        """Triangles (m, 3) int32, counter-clockwise from above.
+        """Make triangles (m, 3) int32, counter-clockwise from above.
 
         The edges of two neighbouring rings are sorted by the azimuth of their middles. Each edge makes a triangle with
         the vertex that the other ring has reached. The computation is in integers, so rounding leaves no crack.
@@ -61,13 +62,14 @@ class VertexRings:
         return np.concatenate([fan, outward, inward]).astype(np.int32)
 
     def _ring_places(self) -> tuple[Array, Array]:
-        """Ring, and place on it, of each vertex except the centre."""
+        """Return the ring of each vertex except the centre, and its place on the ring."""
         ring = np.repeat(np.arange(len(self.count)), self.count)
         return ring, np.arange(len(ring)) - np.repeat(np.cumsum(self.count) - self.count, self.count)
 
     def _strip_triangles(self, ring: Array, place: Array, turned: Array, to: int, first: Array) -> Array:
-        """Triangles of the edges that start at places on rings, with a vertex of the next ring outward (1) or inward
-        (-1)."""
+        """Make triangles of the edges that start at places on rings, with a vertex of the next ring outward (1) or
+        inward (-1).
+        """
         own, other = self.count[ring], self.count[ring + to]
         # Count the edges of the other ring whose middle comes first; at equal azimuths the inner ring's does.
         ahead = (2 * place + 1 + turned) * other - (2 - turned) * own

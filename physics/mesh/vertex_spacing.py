@@ -6,8 +6,8 @@ ground only, so it is measured on the ground itself: triangles of a given size a
 and compared with the ground under them. The result is the largest size whose error stays under the bound, for every
 distance.
 
-The result does not depend on the heading (the finest of all sectors decides) or the eye (the other eye may stand one
-baseline from the site, on any side). The body's curvature is added to the heights.
+The result depends neither on the heading (the finest of all sectors decides) nor on the eye (the other eye may stand
+one baseline from the site, on any side). The body's curvature is added to the heights.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ CARRIED_WAVELENGTH = 0.7
 _RELIEF_MARGIN = 1.25
 #: Least distance at which ground is seen, over the camera's height, even if the ground rises toward it.
 _MIN_DISTANCE = 0.25
-#: Beyond the ground with fine relief, the limit on the spacing grows with this power of the distance.
+#: Power of the distance with which the limit on the spacing grows beyond the ground with fine relief.
 _SPACING_EXPONENT = 4.0
 #: Largest ratio of the edges of a strip between two rings to its spacing.
 EDGE_OVER_SPACING = 1.4
@@ -55,7 +55,8 @@ EDGE_OVER_SPACING = 1.4
 @dataclass(frozen=True)
 class GradingView:
     """The view that decides the grading: the site, the left eye's height above it in metres, the distance to the other
-    eye in metres, and the pixels per radian."""
+    eye in metres, and the pixels per radian.
+    """
 
     x_m: float
     y_m: float
@@ -64,7 +65,9 @@ class GradingView:
     pixels_per_radian: float
 
     def nearest_m(self, radius_m: Numbers) -> Array:
-        """Distance in metres of level ground, ``radius_m`` from the site, from the nearest possible place of an eye."""
+        """Compute the distance in metres of level ground, ``radius_m`` from the site, from the nearest possible place
+        of an eye.
+        """
         return np.hypot(np.maximum(np.asarray(radius_m, np.float64) - self.baseline_m, 0.0), self.height_m)
 
 
@@ -82,8 +85,11 @@ GRADING_RIG_SETTINGS = (
 
 
 def make_grading_view(rig: RigSettings) -> GradingView:
-    """The view of ``rig`` settings. In the direction away from the optical axis, a pixel at the tangents (a, b) spans 1
-    / (1 + a² + b²) of the angle of a pixel on the axis; the mean over the image is used."""
+    """Make the view of ``rig`` settings.
+
+    In the direction away from the optical axis, a pixel at the tangents (a, b) spans 1 / (1 + a² + b²) of the angle of
+    a pixel on the axis; the mean over the image is used.
+    """
     half_width = rig.sensor_width_mm / 2 / rig.focal_length_mm
     half_height = half_width * rig.height_px / rig.width_px
     stretch = 1.0 + (half_width**2 + half_height**2) / 3.0
@@ -93,9 +99,10 @@ def make_grading_view(rig: RigSettings) -> GradingView:
 @dataclass(frozen=True)
 class VertexSpacing:
     """Vertex spacing by distance. ``nearest_m`` (n,) are increasing distances to the eye, and ``spacing_m`` (n,) the
-    vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on its error,
+    vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on the error,
     and ``wanted_vertices`` the number of vertices for the bound of the settings. ``relief`` is the cut for fine relief;
-    spacings are before the cut."""
+    spacings are before the cut.
+    """
 
     view: GradingView
     nearest_m: Array
@@ -106,12 +113,12 @@ class VertexSpacing:
     relief: FineRelief | None = None
 
     def spacing_at(self, radius_m: Numbers) -> Array:
-        """Vertex spacing in metres at distances from the site in metres."""
+        """Compute the vertex spacing in metres at distances from the site in metres."""
         distance = self.view.nearest_m(radius_m)
         spacing = np.exp(np.interp(np.log(distance), *self._logarithms))
         if self.relief is None:
             return spacing
-        if self.relief.to_m <= self.view.height_m:  # fine relief is nowhere high enough to ask for it
+        if self.relief.to_m <= self.view.height_m:  # fine relief is nowhere high enough for finer triangles
             return spacing
         beyond = np.maximum(distance / self.relief.to_m, 1.0)
         widest = self.relief.uncut_px / self.view.pixels_per_radian * distance * beyond**_SPACING_EXPONENT
@@ -142,13 +149,14 @@ class VertexSpacing:
 
 
 def find_fine_relief(settings: Settings) -> FineRelief | None:
-    """The fine relief in the graded mesh of complete ``settings``; None without any, and for other ground."""
+    """Find the fine relief in the graded mesh of complete ``settings``; None without any, and for other ground."""
     return find_relief_in_mesh(settings, make_grading_view(settings.rig).pixels_per_radian)
 
 
 def count_added(grading: VertexSpacing, rig: RigSettings, most: float = math.inf) -> int:
-    """Number of vertices that fine relief adds on level ground; 0 if the mesh without them has more than ``most``. They
-    are counted before they are made, because narrow images can ask for more vertices than any memory holds."""
+    """Count the vertices that fine relief adds on level ground; 0 if the mesh without them has more than ``most``. They
+    are counted before they are made, because narrow images can ask for more vertices than any memory holds.
+    """
     relief, at = grading.relief, grading.view
     if relief is None or grading.rings.vertices > most:
         return 0
@@ -161,7 +169,7 @@ def count_added(grading: VertexSpacing, rig: RigSettings, most: float = math.inf
 
 
 def _spread_points_evenly(count: int, dimensions: int) -> Array:
-    """Points (dimensions, count) that fill the unit cube evenly: multiples of powers of one number, modulo 1.
+    """Spread points (dimensions, count) that fill the unit cube evenly: multiples of powers of one number, modulo 1.
 
     Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: the number is the root of x^(d+1) = x + 1.
     """
@@ -175,7 +183,8 @@ def _spread_points_evenly(count: int, dimensions: int) -> Array:
 def find_farthest_ground_m(
     ground: Terrain, at: GradingView, ground_m: float, body_radius_m: float, points: int = 4 * _TRIANGLES_MEASURED
 ) -> float:
-    """Distance in metres beyond which no ground is visible, because even the highest relief is under the horizon.
+    """Find the distance in metres beyond which no ground is visible, because even the highest relief is under the
+    horizon.
 
     The relief is measured at a number of ``points``.
     """
@@ -203,14 +212,15 @@ class _ErrorProbe:
         root = np.sqrt(first)
         self._share = np.stack([1.0 - root, root * (1.0 - second), root * second])  # even over a triangle
         self._z = ground.heights(self._x, self._y)
-        toward = np.minimum(radius, at.baseline_m)  # the other eye, on the side of the ground looked at
+        toward = np.minimum(radius, at.baseline_m)  # the other eye, on the side of the ground that is tested
         self._to_eye = np.stack([(toward - radius) * east, (toward - radius) * north, ground_m + at.height_m - self._z])
         self._far = np.maximum(np.linalg.norm(self._to_eye, axis=0), _MIN_DISTANCE * at.height_m)
         self._spacing = at.nearest_m(radius) / at.pixels_per_radian
 
     def error_px(self, spacing_px: float) -> float:
-        """The error in pixels of triangles with sides of ``spacing_px`` pixels, in the worst sector. Each triangle is
-        weighted by the area that it fills in the image."""
+        """Measure the error in pixels of triangles with sides of ``spacing_px`` pixels, in the worst sector. Each
+        triangle is weighted by the area that it fills in the image.
+        """
         side = spacing_px * self._spacing
         angle = 2 * np.pi * (self._phase + np.arange(3)[:, None] / 3.0)
         x, y = (side / math.sqrt(3.0) * f(angle) for f in (np.cos, np.sin))
@@ -226,7 +236,9 @@ class _ErrorProbe:
 
 
 def _bound_error(errors: Array, weights: Array) -> float:
-    """A bound on weighted errors: nearly all errors and their RMS, which a few large ones raise, are below it."""
+    """Find a bound on weighted errors: nearly all errors are below it, and so is their RMS, which a few large errors
+    raise.
+    """
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(
@@ -236,7 +248,7 @@ def _bound_error(errors: Array, weights: Array) -> float:
 
 
 def _measure_curve(probe: _ErrorProbe, longest_px: float, error_px: float) -> tuple[Array, Array]:
-    """Decreasing spacings in pixels, and their errors, down to the first error within ``error_px``."""
+    """Measure decreasing spacings in pixels, and their errors, down to the first error within ``error_px``."""
     spacings, errors = [longest_px], [probe.error_px(longest_px)]
     while errors[-1] > error_px and len(spacings) < _MAX_HALVINGS:
         spacings.append(spacings[-1] / 2)
@@ -245,7 +257,7 @@ def _measure_curve(probe: _ErrorProbe, longest_px: float, error_px: float) -> tu
 
 
 def _interpolate_log(x: float, xs: Array, ys: Array) -> float:
-    """``ys`` at ``x``, with a power law between points; ``xs`` increases."""
+    """Interpolate ``ys`` at ``x``, with a power law between points; ``xs`` increases."""
     tiny = 1e-30
     return math.exp(
         float(np.interp(math.log(max(x, tiny)), np.log(np.maximum(xs, tiny)), np.log(np.maximum(ys, tiny))))
@@ -253,15 +265,16 @@ def _interpolate_log(x: float, xs: Array, ys: Array) -> float:
 
 
 def _count_vertices(grading: VertexSpacing) -> float:
-    """Number of vertices of a grading, to about a per cent."""
+    """Estimate the number of vertices of a grading, to about a per cent."""
     r = np.concatenate([[0.0], np.geomspace(grading.finest_m, grading.farthest_m, 400)])
     density = 2 * np.pi * r / (RINGS_APART * grading.spacing_at(r) ** 2)
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
 def _make_probes(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
-    """A probe for each distance, for the range half way to its neighbours; the first also covers the ground under the
-    eyes."""
+    """Make a probe for each distance, for the range half way to its neighbours; the first also covers the ground under
+    the eyes.
+    """
     probes = []
     for k, distance in enumerate(nearest_m):
         low, high = (
@@ -273,8 +286,9 @@ def _make_probes(ground: Terrain, at: GradingView, ground_m: float, nearest_m: A
 
 
 def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
-    """The grading that complete ``settings`` ask for on a ground (not yet curved). If more than ``mesh.most`` vertices
-    are needed, the spacing of fine relief grows first, then all spacings; ``error_px`` is the remaining error."""
+    """Choose the grading that complete ``settings`` ask for on a ground (not yet curved). If more than ``mesh.most``
+    vertices are needed, the spacing of fine relief grows first, then all spacings; ``error_px`` is the remaining error.
+    """
     mesh, at, body = settings.mesh, make_grading_view(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
     farthest = max(min(find_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)

@@ -1,1 +1,1 @@
-"""Pattern projectors: their device, patterns, decoding, and their contrast on ice. Imports no Blender."""
+"""Pattern projectors: their device, patterns, decoding, and contrast on ice. Imports no Blender."""

@@ -1,4 +1,4 @@
-"""Columns of a projector from images of Gray code and phase, and depth from these columns. Imports no Blender."""
+"""Decode the columns of a projector from images of Gray code and phase, and triangulate depth. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .patterns import count_gray_bits
 
 def decode_columns(images: Array, projector: Projector, period_px: float, least: float) -> Array:
     """Decode the projector column (H, W), px, at each pixel, from images (count, H, W) in the order of
-    ``make_gray_and_phase``. NaN where white is less than ``least`` above black, or the stripes' amplitude is less than
-    half of ``least``, or no column has the code and the phase.
+    ``make_gray_and_phase``. NaN where white is less than ``least`` above black, where the stripes' amplitude is less
+    than half of ``least``, or where code and phase fit no column.
 
     The code numbers half periods, so that an error at the edge of a bit does not change the period.
     """
@@ -36,10 +36,11 @@ def decode_columns(images: Array, projector: Projector, period_px: float, least:
 
 
 def triangulate_columns(column: Array, projector: Projector, pose: Array, eye: Array, rays: Array) -> Array:
-    """Planar depth (H, W) in metres where rays meet the plane that a column of the projector lights.
+    """Compute the planar depth (H, W) in metres where camera rays meet the plane that a column of the projector lights.
 
-    ``pose`` and ``eye`` (4, 4) are the matrices of projector and camera to the world, axes right, down and ahead;
-    ``rays`` (H, W, 3) are the camera's, with 1 ahead. NaN where they do not meet in front of the camera.
+    ``pose`` and ``eye`` (4, 4) transform from projector and camera to the world, with axes right, down and ahead.
+    ``rays`` (H, W, 3) are in the camera's axes, with 1 ahead. NaN where a ray does not meet the plane in front of the
+    camera.
     """
     tangent = (column - projector.columns / 2) / projector.focal_px
     normal = pose[:3, 0] - tangent[..., None] * pose[:3, 2]

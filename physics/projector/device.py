@@ -1,4 +1,4 @@
-"""A pattern projector as an inverse pinhole camera of even intensity. Imports no Blender."""
+"""A pattern projector as an inverse pinhole camera with an even intensity. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
-#: Most pixels of a projector.
+#: Maximum number of pixels of a projector.
 _MAX_PIXELS = 2**24
 
 
 @dataclass(frozen=True)
 class Projector:
-    """A projector of ``columns`` x ``rows`` square pixels. ``width_deg`` is the full angle of its rows, ``power_w`` its
-    radiant power from 400 to 700 nm with all pixels on, with the same intensity in all directions of its field.
-
+    """A projector of ``columns`` x ``rows`` square pixels. ``width_deg`` is the full angle of its rows. ``power_w`` is
+    its radiant power from 400 to 700 nm with all pixels on; its intensity is the same in all directions of its field.
     ``right_m``, ``ahead_m`` and ``up_m`` place it from the left camera, and ``azimuth_deg`` and ``elevation_deg`` turn
     it from straight ahead, clockwise and upward. Raises IcyMoonError for impossible values.
     """
@@ -66,7 +65,7 @@ class Projector:
 
     @property
     def share_of_cone(self) -> float:
-        """Solid angle of its field over that of the cone around it."""
+        """Solid angle of the projector's field over the solid angle of the cone around the field."""
         return self.solid_angle_sr / (2 * math.pi * (1 - math.cos(math.radians(self.cone_deg) / 2)))
 
     @property
@@ -75,8 +74,9 @@ class Projector:
         return self.power_w / self.share_of_cone
 
     def place(self, left_eye: Array) -> Array:
-        """The pose (4, 4) of the projector in the world, axes right, down and ahead, from the pose (4, 4) of the left
-        eye."""
+        """Compute the pose (4, 4) of the projector in the world, axes right, down and ahead, from the pose (4, 4) of
+        the left eye.
+        """
         turn, tilt = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
         about_down = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
         about_right = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
@@ -86,8 +86,9 @@ class Projector:
         return made
 
     def locate(self, points: Array, pose: Array) -> Array:
-        """Pixel coordinates (n, 2), column and row with corners at whole numbers, of points (n, 3) in the world. NaN
-        outside its field."""
+        """Project points (n, 3) in the world to pixel coordinates (n, 2), column and row with corners at whole numbers.
+        NaN outside the projector's field.
+        """
         own = (points - pose[:3, 3]) @ pose[:3, :3]
         with np.errstate(divide="ignore", invalid="ignore"):
             found = own[:, :2] / own[:, 2:] * self.focal_px + np.array([self.columns, self.rows]) / 2
@@ -96,8 +97,9 @@ class Projector:
 
 
 def sample_pattern(pattern: Array, place: Array) -> Array:
-    """Values (n,) of a pattern (rows, columns) at pixel coordinates (n, 2), linear between the middles of pixels; 0
-    where the coordinates are NaN."""
+    """Sample a pattern (rows, columns) at pixel coordinates (n, 2), linearly between the middles of pixels. Returns
+    values (n,), 0 where the coordinates are NaN.
+    """
     rows, columns = pattern.shape
     lit = np.isfinite(place[:, 0])
     found = np.zeros(len(place))

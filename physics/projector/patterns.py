@@ -1,7 +1,7 @@
 """Patterns of projectors, arrays (count, rows, columns) float32 from 0 to 1: dots, stripes, and Gray code with phase.
 
-A Gray code and phase shifts together give the column of the projector that lights a pixel of a camera. Gray code b ⊕
-(b >> 1): Gray 1953; phase shifts: Srinivasan et al. 1984, Applied Optics 23, 3105. Imports no Blender.
+A Gray code and phase shifts together give the column of the projector that lights a pixel of a camera. Sources of the
+Gray code b ⊕ (b >> 1): Gray 1953; of phase shifts: Srinivasan et al. 1984, Applied Optics 23, 3105. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from .device import Projector
 
 #: Names of the patterns.
 PATTERNS = ("DOTS", "STRIPES", "GRAY_PHASE")
-#: Least number of shifts of a phase.
+#: Minimum number of phase shifts.
 _MIN_SHIFTS = 3
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """The patterns of a projector: one of dots, one of stripes, or a sequence of Gray code and phase. ``dots`` is their
-    number, ``dot_px`` their diameter, ``period_px`` the period of stripes, ``shifts`` the number of their phases.
+    """The patterns of a projector: one of dots, one of stripes, or a sequence of Gray code and phase. ``dots`` is the
+    number of dots, ``dot_px`` their diameter, ``period_px`` the period of stripes, and ``shifts`` the number of their
+    phases.
     """
 
     kind: str = "DOTS"
@@ -35,8 +36,9 @@ class Pattern:
     seed: int = 0
 
     def make(self, projector: Projector) -> Array:
-        """The patterns, (count, rows, columns). Raises IcyMoonError for an unknown kind and for numbers that give no
-        pattern, also those of another kind, since pairs state all of them."""
+        """Make the patterns, (count, rows, columns). Raises IcyMoonError for an unknown kind and for numbers that give
+        no pattern. Numbers of the other kinds are checked too, because pairs state all of them.
+        """
         _check_dot(self.dot_px)
         _check_period(self.period_px)
         if self.kind == "DOTS":
@@ -49,8 +51,9 @@ class Pattern:
 
 
 def make_dots(projector: Projector, count: int, size_px: float, seed: int) -> Array:
-    """About ``count`` round dots of a diameter, one at a random place in each cell of a grid, (rows, columns). The
-    same seed gives the same dots."""
+    """Make a pattern (rows, columns) of about ``count`` round dots of one diameter, each at a random place in its cell
+    of a grid. The same seed gives the same dots. Raises IcyMoonError for an impossible number or diameter.
+    """
     if count < 1 or count > projector.columns * projector.rows:
         raise IcyMoonError(f"The projector has {count} dots; give 1 to {projector.columns * projector.rows}.")
     _check_dot(size_px)
@@ -73,7 +76,9 @@ def make_dots(projector: Projector, count: int, size_px: float, seed: int) -> Ar
 
 
 def make_stripes(projector: Projector, period_px: float, shift_rad: float = 0.0) -> Array:
-    """Vertical stripes of a sinusoid, (rows, columns): (1 + cos(2π u / period + shift)) / 2 at the column u."""
+    """Make vertical stripes of a sinusoid, (rows, columns): the value at column u is (1 + cos(2π u / period + shift)) /
+    2.
+    """
     _check_period(period_px)
     at = np.arange(projector.columns) + 0.5
     row = 0.5 + 0.5 * np.cos(2 * np.pi * at / period_px + shift_rad)
@@ -81,12 +86,14 @@ def make_stripes(projector: Projector, period_px: float, shift_rad: float = 0.0)
 
 
 def count_gray_bits(projector: Projector, period_px: float) -> int:
-    """Number of Gray patterns, bits, that give each half period its own number."""
+    """Count the Gray patterns, one for each bit, that give each half period its own number."""
     return max(1, math.ceil(math.log2(projector.columns / (period_px / 2))))
 
 
 def make_gray_and_phase(projector: Projector, period_px: float, shifts: int) -> Array:
-    """A sequence: all on, all off, the Gray code of each half period from its first bit on, and the shifted stripes."""
+    """Make a sequence (count, rows, columns): all on, all off, the Gray code of the half periods from its highest bit
+    on, and the shifted stripes.
+    """
     _check_period(period_px)
     if not _MIN_SHIFTS <= shifts <= 64:
         raise IcyMoonError(f"The phase has {shifts} shifts; give {_MIN_SHIFTS} to 64.")

@@ -1,7 +1,7 @@
 """Points that fill the unit cube, and their transformation to distributions.
 
-Blender's Python has no SciPy, and a plan must give the same pairs everywhere; hence these few functions. They agree
-with ``scipy.stats.qmc`` and ``torch.quasirandom``.
+Blender's Python has no SciPy, and a plan must give the same pairs everywhere, so these few functions are written here.
+They agree with ``scipy.stats.qmc`` and ``torch.quasirandom``.
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ MAX_DIMENSIONS = 1 + len(_JOE_KUO)
 
 
 def _direction_numbers(dimension: int) -> Array:
-    """Direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add, modulo 2."""
+    """Compute the direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add,
+    modulo 2.
+    """
     if dimension == 0:
         return np.array([1 << (_SOBOL_BITS - 1 - k) for k in range(_SOBOL_BITS)], np.uint64)
     polynomial, m = _JOE_KUO[dimension - 1]
@@ -64,7 +66,7 @@ def _direction_numbers(dimension: int) -> Array:
 def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """Draw the first ``count`` points (count, d) of Sobol's sequence in (0, 1); each of d axes has a random shift.
 
-    The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property of
+    The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps a property of
     the sequence: each of 2^m equal parts of every axis contains one of the first 2^m points. Raises ValueError for more
     than ``MAX_DIMENSIONS`` axes.
     """
@@ -83,42 +85,49 @@ def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
 
 
 def draw_latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """``count`` points (count, d) in [0, 1), one at random in each of ``count`` equal parts of every axis. McKay,
-    Beckman and Conover 1979, Technometrics 21, 239. Each axis has its own generator in ``randoms``."""
+    """Draw ``count`` points (count, d) in [0, 1), one at random in each of ``count`` equal parts of every axis. Each
+    axis has its own generator in ``randoms``.
+
+    Source: McKay, Beckman and Conover 1979, Technometrics 21, 239.
+    """
     return np.stack([(random.permutation(count) + random.random(count)) / count for random in randoms], axis=1)
 
 
 def draw_independent(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """``count`` independent, uniform points (count, d) in [0, 1); each axis has its own generator in ``randoms``."""
+    """Draw ``count`` independent, uniform points (count, d) in [0, 1); each axis has its own generator in
+    ``randoms``.
+    """
     return np.stack([random.random(count) for random in randoms], axis=1)
 
 
 def to_uniform(share: Array, low: float, high: float) -> Array:
-    """Quantiles of the uniform distribution from ``low`` to ``high`` at shares from 0 to 1."""
+    """Compute the quantiles of the uniform distribution from ``low`` to ``high`` at shares from 0 to 1."""
     return low + share * (high - low)
 
 
 def to_log_uniform(share: Array, low: float, high: float) -> Array:
-    """Quantiles of the distribution that is uniform in the logarithm from ``low`` to ``high``, both above 0."""
+    """Compute the quantiles of the distribution whose logarithm is uniform from ``low`` to ``high``, both above 0."""
     return np.clip(np.exp(to_uniform(share, np.log(low), np.log(high))), low, high)
 
 
 def to_normal(share: Array, mean: float, deviation: float, low: float, high: float) -> Array:
-    """Quantiles of a normal distribution cut off at ``low`` and ``high`` (and renormalised). If the mean is beyond
-    them, the tail is mirrored to the side on which the distribution function is accurate. Raises ValueError if less
-    than 1e-12 of the distribution lies between them."""
+    """Compute the quantiles of a normal distribution that is cut off at ``low`` and ``high`` and renormalised. Raises
+    ValueError if less than 1e-12 of the distribution lies between them.
+
+    If the mean is below ``low``, the tail is mirrored to the side on which the distribution function is accurate.
+    """
     law = NormalDist(0.0, 1.0)
     ends = [(end - mean) / deviation for end in (low, high)]
-    mirror = -1.0 if ends[0] > 0.0 else 1.0  # above the mean the lower tail is the accurate one
+    mirror = -1.0 if ends[0] > 0.0 else 1.0  # the distribution function is accurate in the lower tail
     ends = sorted(mirror * end for end in ends)
     first, last = (law.cdf(end) for end in ends)
     if last - first < 1e-12:
-        raise ValueError("the normal distribution has nothing within its limits")
+        raise ValueError("the normal distribution has almost nothing within its limits")
     turned = share if mirror > 0 else 1.0 - share
     inside = np.clip(first + turned * (last - first), 1e-300, 1.0 - 2.0**-53)
     return np.clip(mean + deviation * mirror * np.array([law.inv_cdf(p) for p in inside.tolist()]), low, high)
 
 
 def to_whole_numbers(share: Array, low: int, high: int) -> Array:
-    """Whole numbers from ``low`` to ``high``, both included, with equal probability."""
+    """Compute whole numbers from ``low`` to ``high``, both included, with equal probability."""
     return low + np.minimum((share * (high - low + 1)).astype(np.int64), high - low)

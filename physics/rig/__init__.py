@@ -1,1 +1,1 @@
-"""Geometry of the rig alone, without ground, also for rocks and meshes."""
+"""Geometry of the rig alone, without ground; also used for rocks and meshes."""

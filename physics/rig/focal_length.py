@@ -9,5 +9,5 @@ from ...settings.topics.camera import RigSettings
 
 
 def focal_px(rig: RigSettings) -> float:
-    """Focal length in pixels; the sensor width spans the image width, pixels are square."""
+    """Compute the focal length in pixels. The sensor width spans the image width, and pixels are square."""
     return float(rig.focal_length_mm) / float(rig.sensor_width_mm) * int(rig.width_px)

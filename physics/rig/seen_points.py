@@ -10,14 +10,15 @@ from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from .focal_length import focal_px
 
-#: Margin around the view of the cameras as a share of the image, for tilted ground and for eyes that turn or move.
+#: Margin around the cameras' view, as a share of the image. It allows for tilted ground and for eyes that turn or move.
 _VIEW_MARGIN = 0.05
 
 
 def find_sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array) -> Array:
-    """Find beyond which of the five sides of the view volume each point is, bool (n, 5). Points are metres right
-    of, below and in front of the left eye, in the axes of its camera. The view volume is convex and contains the frames
-    of both eyes and a margin."""
+    """Find beyond which of the five sides of the view volume each point is, bool (n, 5). Points are metres right of,
+    below and in front of the left eye, in the axes of its camera. The view volume is convex; it contains the frames of
+    both eyes and a margin.
+    """
     scale = 1.0 / focal_px(rig)
     larger = (1.0 + 2.0 * (rig.overscan + _VIEW_MARGIN)) / 2.0
     wide = scale * (larger * rig.width_px + abs(rig.principal_x_px)) + math.tan(math.radians(abs(rig.toe_in_deg)))
@@ -47,9 +48,10 @@ def is_in_view(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) 
 
 
 def find_seen_facets(passed: Array, starts: Array, corners: Array) -> Array:
-    """Facets (bool) of a mesh that may be visible: all except facets with all corners beyond one side. ``passed``
-    (vertices, 5) is ``find_sides_passed`` of the vertices. ``corners`` are the vertices of all facets' corners in a
-    row, and ``starts`` (facets,) the place in it at which each facet begins."""
+    """Find the facets of a mesh that may be visible, bool (facets,): all except facets with all corners beyond one
+    side. ``passed`` (vertices, 5) is ``find_sides_passed`` of the vertices. ``corners`` lists the vertices of all
+    facets one after the other, and ``starts`` (facets,) is the index in ``corners`` at which each facet begins.
+    """
     if not len(starts):
         return np.zeros(0, bool)
     return ~np.logical_and.reduceat(passed[corners], starts, axis=0).any(axis=-1)

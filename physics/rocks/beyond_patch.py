@@ -1,4 +1,4 @@
-"""Rocks beyond the patch, out to where the largest is too small to be seen.
+"""Rocks beyond the patch, out to the distance at which the largest rock is too small to be seen.
 
 They follow the law of the patch, with as many per square metre of each size; the law may go on to larger rocks than the
 patch has. Only rocks that are wide enough in the image are drawn, so that the field has no visible edge and needs only
@@ -26,7 +26,8 @@ _ANGLE_STEP = 1.05  # by which the angle grows until the rocks are few enough
 @dataclass(frozen=True)
 class ViewBeyond:
     """The view that decides which rocks are drawn: the least apparent width in radians, the height in metres of the
-    eye, and the distance in metres at which the ground ends."""
+    eye, and the distance in metres at which the ground ends.
+    """
 
     smallest_rad: float
     height_m: float
@@ -45,7 +46,7 @@ class RocksBeyond:
 
 
 def make_view_beyond(settings: Settings) -> ViewBeyond | None:
-    """The view of complete settings; None if they ask for no rocks beyond the patch or have no ground there."""
+    """Make the view of complete settings; None if they ask for no rocks beyond the patch or have no ground there."""
     rocks, rig = settings.rocks, settings.rig
     if rocks.beyond_px == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
@@ -53,8 +54,9 @@ def make_view_beyond(settings: Settings) -> ViewBeyond | None:
 
 
 def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: np.random.Generator) -> RocksBeyond:
-    """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``. If there would be more,
-    the least apparent width is larger than in the view."""
+    """Draw rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``. If there would be
+    more, the least apparent width is larger than in the view.
+    """
     law, angle = make_law_beyond(rocks), view.smallest_rad
     while (count := _count_rocks(law, size_m, view, angle)[1][-1]) > rocks.most:
         angle *= _ANGLE_STEP
@@ -73,20 +75,25 @@ def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: n
 
 
 def _nearest_m(radius_m: Array, size_m: float, view: ViewBeyond) -> Array:
-    """Distance in metres of places from the nearest possible eye over the patch; ``radius_m`` is from its middle."""
+    """Compute the distance in metres of places from the nearest possible eye over the patch; ``radius_m`` is from its
+    middle.
+    """
     return np.hypot(np.maximum(radius_m - size_m * math.sqrt(0.5), 0.0), view.height_m)
 
 
 def _per_m2_above(law: SizeLaw, diameter_m: Array) -> Array:
-    """Rocks per square metre larger than diameters, also for diameters outside the law."""
+    """Compute the number of rocks per square metre that are larger than diameters, also for diameters outside the
+    law.
+    """
     largest = law.diameter_m(np.zeros(1))
     inside = np.where(diameter_m < largest, law.per_m2_above(np.clip(diameter_m, law.smallest_m, largest)), 0.0)
     return np.where(diameter_m <= law.smallest_m, law.total_per_m2, inside)
 
 
 def _count_rocks(law: SizeLaw, size_m: float, view: ViewBeyond, angle: float) -> tuple[Array, Array]:
-    """Distances in metres from the middle of the patch, and the number of rocks within each; corners of the patch count
-    as outside."""
+    """Count the rocks within distances in metres from the middle of the patch. Return the distances and the counts;
+    corners of the patch count as outside.
+    """
     last = min(float(np.max(law.diameter_m(np.zeros(1)))) / angle + size_m * math.sqrt(0.5), view.farthest_m)
     radii = np.geomspace(size_m / 2, max(last, size_m / 2), _DISTANCE_STEPS)
     rings = 2.0 * math.pi * radii * _per_m2_above(law, angle * _nearest_m(radii, size_m, view))
@@ -94,7 +101,7 @@ def _count_rocks(law: SizeLaw, size_m: float, view: ViewBeyond, angle: float) ->
 
 
 def _gather_to_clusters(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
-    """Positions, of which the share ``clustering`` is moved to clusters; each square of the map has one cluster."""
+    """Move the share ``clustering`` of positions to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)
     if not member.any():

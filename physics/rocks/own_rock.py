@@ -27,7 +27,8 @@ _SIDE = 256
 
 
 def find_rock_shapes(rocks: RocksSettings, seed: int) -> tuple[tuple[RockShape, ...], ...]:
-    """The shapes of the rocks of a scene as ``[level][shape]``, finest level first. ``rocks.shape_file`` is absolute.
+    """Find the shapes of the rocks of a scene as ``[level][shape]``, finest level first. ``rocks.shape_file`` is
+    absolute.
 
     Raises IcyMoonError if the user's own rock cannot be read or is no rock.
     """
@@ -42,7 +43,9 @@ def find_rock_shapes(rocks: RocksSettings, seed: int) -> tuple[tuple[RockShape, 
 
 
 def read_proportions(path: Path) -> float:
-    """The height of a rock from a file divided by its mean width. Raises IcyMoonError if it is no rock."""
+    """Read a rock from a file, and return its height divided by its mean width. Raises IcyMoonError if it is no
+    rock.
+    """
     return _read_shape(path, path.stat().st_mtime_ns)[1]
 
 
@@ -56,9 +59,9 @@ def _read_shape(path: Path, written_ns: int) -> tuple[RockShape, float]:
 
 
 def make_own_shape(vertices: Array, triangles: Array, where: str) -> tuple[RockShape, float]:
-    """A rock of unit size from a closed mesh, and its height divided by its mean width.
+    """Make a rock of unit size from a closed mesh. Return the rock, and its height divided by its mean width.
 
-    ``vertices`` (n, 3), z up, in any unit; ``triangles`` (m, 3), whose corners may be separate vertices in one place.
+    ``vertices`` (n, 3), z up, are in any unit; ``triangles`` (m, 3) may have separate vertices in one place as corners.
     The mean width is the diameter of a circle of the rock's area seen from above. Raises IcyMoonError, with ``where``,
     for a mesh that is not closed, encloses nothing or has too many triangles.
     """
@@ -88,7 +91,7 @@ def make_own_shape(vertices: Array, triangles: Array, where: str) -> tuple[RockS
 
 
 def _is_closed(triangles: Array) -> bool:
-    """Whether each edge has exactly two triangles, which go along it in opposite directions."""
+    """Return whether each edge has exactly two triangles, which go along it in opposite directions."""
     edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     there, counts = np.unique(edges, axis=0, return_counts=True)
     back = np.unique(edges[:, ::-1], axis=0)
@@ -96,7 +99,7 @@ def _is_closed(triangles: Array) -> bool:
 
 
 def _measure_area_from_above(points: Array, triangles: Array) -> float:
-    """Area of the outline of a mesh seen from above, within 1 %, by the middles of ``_SIDE``² cells."""
+    """Measure the area of the outline of a mesh seen from above, within 1 %, by the middles of ``_SIDE``² cells."""
     low, size = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
     cells = (points[:, :2] - low) / size * _SIDE - 0.5  # in cells, whose middles are whole numbers
     covered = np.zeros((_SIDE, _SIDE), bool)

@@ -32,8 +32,9 @@ _FIX = "save it as PNG, or open it in Blender's Image Editor and press Use Image
 
 
 def find_pixel_centres(size_m: float, count: int) -> tuple[Array, Array]:
-    """Coordinates east and north (count, count) in metres of the pixels that fill a square of side ``size_m`` about the
-    origin, north first."""
+    """Compute the coordinates east and north (count, count) in metres of the pixels that fill a square of side
+    ``size_m`` about the origin, north first.
+    """
     along = (np.arange(count) + 0.5) / count * size_m - size_m / 2
     x_m, y_m = np.meshgrid(along, along[::-1])
     return x_m, y_m
@@ -47,7 +48,7 @@ class PaintedMask:
     size_m: float
 
     def shares(self, x_m: Array, y_m: Array) -> Array:
-        """The share, from 0 to 1, at coordinates east and north in metres."""
+        """Interpolate the share, from 0 to 1, at coordinates east and north in metres."""
         rows, columns = self.values.shape
         column, left = _find_cells(x_m / self.size_m + 0.5, columns)
         row, above = _find_cells(0.5 - y_m / self.size_m, rows)
@@ -58,18 +59,20 @@ class PaintedMask:
 
 
 def _find_cells(along: Array, count: int) -> tuple[Array, Array]:
-    """How far, from 0 to 1, places ``along`` a side (0 to 1) are from a pixel's centre to the next, and that pixel."""
+    """Find the pixel before each place ``along`` a side (0 to 1), and the place's distance from this pixel's centre,
+    from 0 to 1 at the next centre. Return distances first.
+    """
     at = np.clip(along * count - 0.5, 0.0, count - 1.0)
     first = np.minimum(np.floor(at), max(count - 2, 0)).astype(int)
     return at - first, first
 
 
 def read_mask(path: Path) -> Array:
-    """Values (rows, columns) float32 from 0 to 1, row 0 northernmost, of a PNG or NPY file.
+    """Read the values (rows, columns) float32 from 0 to 1, row 0 northernmost, of a PNG or NPY file.
 
-    A PNG counts as it is stored, black 0 and white 1, a colour by the mean of its bands, without its opacity. Read
-    once while the file stays the same. Raises IcyMoonError for a missing or damaged file, another kind, and for numbers
-    outside 0 to 1.
+    A PNG counts as it is stored, black 0 and white 1, a colour by the mean of its bands, without its opacity. The file
+    is read once while it stays the same. Raises IcyMoonError for a missing or damaged file, another kind, and for
+    numbers outside 0 to 1.
     """
     try:
         state = path.stat()

@@ -66,9 +66,9 @@ class Rocks:
     XYZ in radians, ``scale_m`` (n, 3) the scale of a shape of unit size; ``level`` and ``shape`` (n,) select the shape.
     ``diameter_m`` (n,) is the diameter of a circle with the covered area, ``reach_m`` (n,) the largest horizontal
     distance from the centre. ``smallest_m`` is the smallest diameter that could be drawn, and ``debris_smallest_m`` of
-    debris, 0 without debris; a limit on the number raises it above the setting. ``beyond_rad`` is the
-    least apparent width of rocks beyond the patch, 0 without such rocks. ``crowded_out`` rocks found no room at
-    rest."""
+    debris, 0 without debris; a limit on the number raises it above the setting. ``beyond_rad`` is the least apparent
+    width of rocks beyond the patch, 0 without such rocks. ``crowded_out`` rocks found no room at rest.
+    """
 
     position_m: Array
     rotation: Array
@@ -87,8 +87,9 @@ class Rocks:
 @dataclass(frozen=True)
 class Footprints:
     """The outlines on the map of ``n`` rocks before they lie on a ground, as ellipses. ``places_m`` (n, 2) are their
-    centres, ``half_m`` (n, 2) the longer and the shorter half axis, ``turn_rad`` (n,) the direction of the longer one
-    from east over north, and ``above_m`` (n,) the height of each rock above level ground."""
+    centres, ``half_m`` (n, 2) the longer and the shorter half axis, ``turn_rad`` (n,) the direction of the longer axis
+    from east over north, and ``above_m`` (n,) the height of each rock above level ground.
+    """
 
     places_m: Array
     half_m: Array
@@ -112,8 +113,9 @@ class _LooseRocks:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """The rocks on the patch and those beyond it, if there are any, in one part or two, their debris in the same parts
-    or none, and the numbers of ``Rocks``."""
+    """The drawn rocks: one part on the patch, and one beyond it if there are any. Their debris is in the same parts, or
+    in none. The numbers are as in ``Rocks``.
+    """
 
     parts: tuple[_LooseRocks, ...]
     debris: tuple[_LooseRocks, ...]
@@ -127,7 +129,7 @@ _Some = TypeVar("_Some", Rocks, _LooseRocks)
 
 
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
-    """Positions (n, 2) in metres on a square patch centred on the origin.
+    """Draw positions (n, 2) in metres on a square patch centred on the origin.
 
     A share ``clustering`` of the rocks belongs to a Thomas process: clusters are at random places, and each rock is at
     a normally distributed distance from a random cluster (Thomas 1949, Biometrika 36). Positions beyond one side of the
@@ -142,7 +144,7 @@ def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.G
 
 
 def _rotation_about(axis: int, angle: Array) -> Array:
-    """Rotation matrices (n, 3, 3) about a coordinate axis."""
+    """Make rotation matrices (n, 3, 3) about a coordinate axis."""
     turned = np.zeros((len(angle), 3, 3))
     a, b = (axis + 1) % 3, (axis + 2) % 3
     turned[:, axis, axis] = 1.0
@@ -153,7 +155,7 @@ def _rotation_about(axis: int, angle: Array) -> Array:
 
 
 def _rotation_from_vertical(normal: Array) -> Array:
-    """The smallest rotations (n, 3, 3) from the vertical to unit vectors (n, 3) above the horizon."""
+    """Make the smallest rotations (n, 3, 3) from the vertical to unit vectors (n, 3) above the horizon."""
     nx, ny, nz = normal.T
     k = 1.0 / (1.0 + nz)
     rows = [[1.0 - k * nx * nx, -k * nx * ny, nx], [-k * nx * ny, 1.0 - k * ny * ny, ny], [-nx, -ny, nz]]
@@ -161,7 +163,7 @@ def _rotation_from_vertical(normal: Array) -> Array:
 
 
 def euler_xyz(rotation: Array) -> Array:
-    """Angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
+    """Compute the angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
     # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
     # and they differ in the last bit.
     r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
@@ -171,12 +173,12 @@ def euler_xyz(rotation: Array) -> Array:
 
 
 def euler_matrices(angles: Array) -> Array:
-    """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
+    """Make rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
     return _rotation_about(2, angles[:, 2]) @ _rotation_about(1, angles[:, 1]) @ _rotation_about(0, angles[:, 0])
 
 
 def make_instance_matrices(position: Array, rotation: Array, scale: Array) -> Array:
-    """Matrices (n, 4, 4) of instances from positions, Euler angles in radians and scales, all (n, 3)."""
+    """Make the matrices (n, 4, 4) of instances from positions, Euler angles in radians and scales, all (n, 3)."""
     matrices = np.tile(np.eye(4), (len(position), 1, 1))
     matrices[:, :3, :3] = euler_matrices(rotation) * scale[:, None, :]
     matrices[:, :3, 3] = position
@@ -184,8 +186,9 @@ def make_instance_matrices(position: Array, rotation: Array, scale: Array) -> Ar
 
 
 def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
-    """Unit normals (n, 3) of the ground under footprints, and the height (n,) at their centres of planes with these
-    normals through the deepest sampled point; NaN if the centre is off the ground."""
+    """Measure the ground under footprints. Return its unit normals (n, 3), and the height (n,) at their centres of
+    planes with these normals through the deepest sampled point; NaN if the centre is off the ground.
+    """
     ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     dx, dy = (np.append(f(ring), 0.0) * radius[:, None] for f in (np.cos, np.sin))
     z = surface(xy[:, :1] + dx, xy[:, 1:] + dy)
@@ -201,8 +204,9 @@ def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tu
 def _group_by_shape(
     level: Array, shape: Array, shapes: Sequence[Sequence[RockShape]]
 ) -> Iterator[tuple[RockShape, Array]]:
-    """Each shape with the indices of rocks that have it, some at a time: the vertices of all would not fit into
-    memory."""
+    """Yield each shape with the indices of rocks that have it, some at a time, because the vertices of all would not
+    fit into memory.
+    """
     for kind in np.unique(np.stack([level, shape], 1), axis=0):
         these, found = np.flatnonzero((level == kind[0]) & (shape == kind[1])), shapes[kind[0]][kind[1]]
         step = max(1, _VERTICES_AT_ONCE // len(found.vertices))
@@ -218,8 +222,9 @@ def _measure_extent(
     normal: Array,
     shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array, Array]:
-    """For rotated rocks, all in metres: the vertex (n, 3) deepest along the ground's normal, relative to the centre;
-    the thickness (n,) along the normal; and the horizontal reach (n,)."""
+    """Measure rotated rocks, all in metres: the vertex (n, 3) deepest along the ground's normal, relative to the
+    centre; the thickness (n,) along the normal; and the horizontal reach (n,).
+    """
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
     for kind, these in _group_by_shape(level, shape, shapes):
         points = (rotation[these] * scale[these, None, :]) @ kind.vertices.T
@@ -242,20 +247,20 @@ def scatter_rocks(
     most_seen: int | None = None,
     skirted: HeightAt | None = None,
 ) -> Rocks:
-    """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
+    """Scatter the rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
     ``shapes[level][shape]`` are the available shapes; no rock reaches into the circle ``clear_m`` (east, north,
     radius). A rock lies along the slope under it. Its deepest vertex is at or under the deepest ground of its
     footprint, and at or under the ground beneath that vertex, so no rock floats. With a view ``beyond``, rocks also lie
-    outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
+    outside the patch, listed after the rocks on it. With the law TABLE, places and diameters come from the file
     ``rocks.file``, whose path is absolute, and no rocks lie outside. A painted mask, ``rocks.mask_file``, keeps each
     rock with a probability equal to the mask at its place, and moves no rock. With ``most_seen`` only that many rocks
-    are returned, those that look largest from the centre of the circle, unchanged by the limit; debris only fills it
-    up. Debris lies on the ground ``skirted``, which has the skirts of the rocks if there are any. Raises IcyMoonError
-    if the settings contradict each other or the mask cannot be read.
+    are returned, the largest as seen from the centre of the circle, unchanged by the limit; debris only fills it up.
+    Debris lies on the ground ``skirted``, which has the skirts of the rocks if there are any. Raises IcyMoonError if
+    the settings contradict each other or the mask cannot be read.
 
     With ``low_ground_m`` only rocks on low ground are left, and on slopes that hold them (``rolling_deg``), which moves
-    no rock. Rocks that are ``at_rest`` have rolled down and do not reach into each other, see ``rest``. Those in the
+    no rock. Rocks that are ``at_rest`` have rolled down and do not reach into each other, see ``rest``. Rocks in the
     circle are left out last, so the circle moves no other rock.
     """
     drawn = _draw(rocks, size_m, seed, shapes, clear_m, beyond, most_seen)
@@ -282,8 +287,9 @@ def scatter_rocks(
 def _lay_at_rest(
     rocks: RocksSettings, drawn: _Drawn, size_m: float, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
 ) -> tuple[list[Rocks], list[Rocks], int]:
-    """The parts of drawn rocks at rest, their debris where it does not reach into a rock, and the number of rocks
-    without room."""
+    """Lay drawn rocks to rest. Return the parts of rocks, the parts of debris where it does not reach into a rock, and
+    the number of rocks without room.
+    """
     laid, debris, crowded, there = list[Rocks](), list[Rocks](), 0, OutlinesAtRest(_find_cell_side(drawn))
     for part in drawn.parts:
         rolled = replace(part, places_m=_roll(rocks, part, size_m, surface))
@@ -311,8 +317,9 @@ def _lay_at_rest(
 
 
 def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_m: float) -> _Drawn:
-    """The drawn rocks and their debris that are on low ground, each for itself: fragments of rocks on high ground have
-    fallen, as those rocks have."""
+    """Choose the drawn rocks and the debris that are on low ground, independently of each other: fragments of rocks on
+    high ground have fallen, as those rocks have.
+    """
     return replace(
         drawn,
         parts=tuple(_choose_low(part, surface, radius_m) for part in drawn.parts),
@@ -321,15 +328,18 @@ def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_
 
 
 def _choose_low(loose: _LooseRocks, surface: HeightAt, radius_m: float) -> _LooseRocks:
-    """The rocks whose ground is lower than its surroundings by more than rounding, which differs between machines."""
+    """Choose the rocks whose ground is lower than its surroundings by more than rounding, which differs between
+    machines.
+    """
     low = surface(*loose.places_m.T) < _level_around(loose.places_m, surface, radius_m) - _LEAST_LOW * radius_m
     return _choose(loose, low)
 
 
 def _level_around(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
-    """Heights (n,) in metres at places (n, 2) of planes through the surroundings: the mean of points in
+    """Compute the heights (n,) in metres at places (n, 2) of planes through the surroundings: the mean of points in
     ``_LOW_DIRECTIONS`` at half of a radius and at all of it, as far as there is ground. Planes, level or tilted, are
-    thus nowhere low. All places in a square of ``_LOW_SQUARE`` radii have one plane: fragments are many, squares few.
+    thus nowhere low. All places in a square of ``_LOW_SQUARE`` radii share one plane, because fragments are many and
+    squares few.
     """
     squares, of = np.unique(np.floor(places_m / (_LOW_SQUARE * radius_m)), axis=0, return_inverse=True)
     middle = _LOW_SQUARE * radius_m * (squares + 0.5)
@@ -350,7 +360,7 @@ def _level_around(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
 
 
 def _find_cell_side(drawn: _Drawn) -> float:
-    """Side in metres of cells of which an outline meets few."""
+    """Choose the side in metres of cells so that an outline meets few of them."""
     return max((float(np.median(part.diameter_m)) for part in drawn.parts if len(part.diameter_m)), default=1.0) * 2.0
 
 
@@ -359,8 +369,9 @@ def _roll(rocks: RocksSettings, part: _LooseRocks, size_m: float, surface: Heigh
 
 
 def _settle(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]) -> tuple[Rocks, Array]:
-    """Rocks in poses in which they touch the ground, with heights that are not finite where there is none, and their
-    outlines (n, 32). The largest lie on three points; then each is lowered by its buried share."""
+    """Settle rocks in poses in which they touch the ground. Return them, with heights that are not finite without
+    ground, and their outlines (n, 32). The largest lie on three points; then each is lowered by its buried share.
+    """
     laid, thickness, _ = _lay_all(loose, surface, shapes)
     rotation, position, scale = euler_matrices(laid.rotation), laid.position_m.copy(), loose.scale_m
     some = np.flatnonzero(np.isfinite(position[:, 2]) & (np.arange(len(position)) < LEVEL_RANKS[0]))
@@ -383,14 +394,14 @@ def _settle(loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[Roc
 
 
 def _choose(of: _Some, which: Array) -> _Some:
-    """Some of the rocks, by a mask or by indices."""
+    """Choose some of the rocks, by a mask or by indices."""
     values = {f.name: getattr(of, f.name) for f in fields(of)}
     made: dict[str, Any] = {name: each[which] for name, each in values.items() if isinstance(each, np.ndarray)}
     return replace(of, **made)
 
 
 def _replace_some(rocks: Rocks, which: Array, by: Rocks) -> Rocks:
-    """Rocks of which those with the indices ``which`` are other ones."""
+    """Replace the rocks with the indices ``which`` by other rocks."""
     made: dict[str, Any] = {}
     for f in fields(Rocks):
         values = getattr(rocks, f.name)
@@ -401,7 +412,7 @@ def _replace_some(rocks: Rocks, which: Array, by: Rocks) -> Rocks:
 
 
 def _clear_circle(rocks: Rocks, clear_m: tuple[float, float, float]) -> Rocks:
-    """The rocks that do not reach into a circle (east, north, radius)."""
+    """Choose the rocks that do not reach into a circle (east, north, radius)."""
     away = np.hypot(rocks.position_m[:, 0] - clear_m[0], rocks.position_m[:, 1] - clear_m[1])
     return _choose(rocks, away > clear_m[2] + rocks.reach_m)
 
@@ -415,8 +426,8 @@ def draw_footprints(
     beyond: ViewBeyond | None = None,
     most_seen: int | None = None,
 ) -> Footprints:
-    """The outlines of the rocks of ``scatter_rocks`` without debris, before a ground is known. A rock that the circle
-    ``clear_m`` might remove, however the ground tilts it, is left out.
+    """Draw the outlines of the rocks of ``scatter_rocks`` without debris, before a ground is known. A rock that the
+    circle ``clear_m`` might remove, however the ground tilts it, is left out.
 
     A rock counts as an ellipsoid with its length, width and height.
     """
@@ -428,7 +439,7 @@ def draw_footprints(
 
 
 def _find_outlines(loose: _LooseRocks, which: Array | slice) -> tuple[Outlines, Array]:
-    """The outlines of some rocks as ellipsoids on level ground, and their thickness (n,) in metres."""
+    """Find the outlines of some rocks as ellipsoids on level ground, and their thickness (n,) in metres."""
     half = loose.rotation[which] * (loose.scale_m[which, None, :] / 2)
     square = half @ np.swapaxes(half, 1, 2)
     # The outline of an ellipsoid is the ellipse of the upper left part of its matrix. A copy, as in ``euler_xyz``.
@@ -442,7 +453,7 @@ def _find_outlines(loose: _LooseRocks, which: Array | slice) -> tuple[Outlines, 
 def _list_staying(
     loose: _LooseRocks, shapes: Sequence[Sequence[RockShape]], clear_m: tuple[float, float, float]
 ) -> Array:
-    """Whether each rock (n,) stays outside the circle ``clear_m`` in any pose."""
+    """Return whether each rock (n,) stays outside the circle ``clear_m`` in any pose."""
     room = np.hypot(*(loose.places_m - clear_m[:2]).T) - clear_m[2]
     radii = np.array([[np.linalg.norm(shape.vertices, axis=1).max() for shape in row] for row in shapes])
     reach = radii[loose.level, loose.shape] * loose.scale_m.max(axis=1)
@@ -461,7 +472,7 @@ def _draw(
     beyond: ViewBeyond | None,
     most_seen: int | None,
 ) -> _Drawn:
-    """The rocks of ``scatter_rocks`` before they lie on a ground."""
+    """Draw the rocks of ``scatter_rocks`` before they lie on a ground."""
     draw = _draw_rocks if most_seen is None or has_file(rocks) else _draw_few
     return draw(
         tuple(rocks.items()), size_m, seed, tuple(shape.height for shape in shapes[0]), clear_m, beyond, most_seen
@@ -477,8 +488,9 @@ def _draw_rocks(
     beyond: ViewBeyond | None,
     most_seen: int | None,
 ) -> _Drawn:
-    """The rocks of ``scatter_rocks``, from the ``values`` of the settings and the ``heights`` of the shapes, before
-    they lie on a ground."""
+    """Draw the rocks of ``scatter_rocks``, from the ``values`` of the settings and the ``heights`` of the shapes,
+    before they lie on a ground.
+    """
     rocks = RocksSettings.from_values(values)
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
     far = None
@@ -512,9 +524,10 @@ def _draw_debris(
     seen_m: list[Array],
     most_seen: int | None,
 ) -> tuple[list[_LooseRocks], float]:
-    """The debris of the rocks of all ``parts``, before it lies on a ground, and the smallest diameter within the limit
-    on its number. Fragments of rocks that are not ``kept`` are left out, and those below ``seen_m`` (n,) of each
-    rock."""
+    """Draw the debris of the rocks of all ``parts``, before it lies on a ground. Also return the smallest diameter
+    within the limit on its number. Fragments of rocks that are not ``kept`` are left out, and so are fragments below
+    ``seen_m`` (n,) of each rock.
+    """
     shed = []
     for (xy, diameter), stream, least in zip(parts, _PART_STREAMS, seen_m, strict=False):
         posed = _pose_rocks(
@@ -544,18 +557,19 @@ _draw_few = functools.lru_cache(maxsize=1)(_draw_rocks)
 
 
 def is_masked(rocks: RocksSettings) -> bool:
-    """Whether a painted mask thins the rocks. Rocks of a table have stated places."""
+    """Return whether a painted mask thins the rocks. Rocks of a table have stated places."""
     return bool(rocks.mask_file and rocks.law != TABLE)
 
 
 def has_file(rocks: RocksSettings) -> bool:
-    """Whether a file, which may change, states places of rocks."""
+    """Return whether a file, which may change, states places of rocks."""
     return rocks.law == TABLE or is_masked(rocks)
 
 
 def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array]) -> list[Array]:
-    """Whether the painted mask leaves each rock of the patch (n,), and each beyond it, at places (n, 2) in metres. Each
-    rock has its own random number, which does not depend on the mask."""
+    """Return whether the painted mask leaves each rock of the patch (n,), and each beyond it, at places (n, 2) in
+    metres. Each rock has its own random number, which does not depend on the mask.
+    """
     if not is_masked(rocks):
         return [np.ones(len(xy), bool) for xy in parts]
     mask = PaintedMask(read_mask(absolute_path(rocks.mask_file, "rocks.mask_file")), size_m)
@@ -569,8 +583,9 @@ def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array
 def _choose_seen(
     parts: list[tuple[Array, Array]], kept: list[Array], site_m: tuple[float, float, float], most: int | None
 ) -> tuple[Array, Array]:
-    """Masks (n,) of the rocks on the patch and beyond it that look largest from a site, at most ``most`` rocks in
-    total. ``parts`` are the places (n, 2) and diameters (n,) in metres of each, ``kept`` (n,) whether they are there.
+    """Choose the rocks on the patch and beyond it that look largest from a site, at most ``most`` rocks in total.
+    Return their masks (n,). ``parts`` are the places (n, 2) and diameters (n,) in metres of each part; ``kept`` (n,) is
+    true for rocks that are there.
     """
     looks = [
         np.where(there, d / np.hypot(xy[:, 0] - site_m[0], xy[:, 1] - site_m[1]), -1.0)
@@ -586,8 +601,9 @@ def _choose_seen(
 
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
-    """Positions (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter, in
-    metres."""
+    """Draw positions (n, 2) and diameters (n,) that follow the law of sizes, largest first. Return them and the
+    smallest diameter, in metres.
+    """
     diameter, smallest = draw_diameters(
         make_size_law(rocks), size_m**2, int(rocks.most), make_generator(seed, "rocks", _SIZES)
     )
@@ -598,8 +614,9 @@ def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array,
 
 
 def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
-    """Positions, diameters and smallest diameter of the user's table, as ``_draw_places`` returns them; the smallest
-    diameter is 0 unless some rocks are left out."""
+    """Read the positions, diameters and smallest diameter of the user's table, as ``_draw_places`` returns them; the
+    smallest diameter is 0 unless some rocks are left out.
+    """
     table = read_rock_table(absolute_path(rocks.file, "rocks.file"))
     kept = table[: int(rocks.most)]
     return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
@@ -614,8 +631,9 @@ def _pose_rocks(
     heights: tuple[float, ...],
     chosen: Array | slice,
 ) -> _LooseRocks:
-    """The ``chosen`` (n,) rocks of given positions (n, 2), diameters and ranks in size. A rock's pose does not depend
-    on which others are chosen."""
+    """Pose the ``chosen`` (n,) rocks of given positions (n, 2), diameters and ranks in size. A rock's pose does not
+    depend on which others are chosen.
+    """
     n = len(diameter)
     shape = random.integers(0, len(heights), n)
     elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
@@ -640,7 +658,7 @@ def _lay_rocks(
     clear_m: tuple[float, float, float],
     steepest_deg: float = 90.0,
 ) -> Rocks:
-    """The rocks in poses on the ground that do not reach into a circle, on slopes up to ``steepest_deg``."""
+    """Lay rocks on the ground, on slopes up to ``steepest_deg``. Rocks that reach into a circle are left out."""
     laid, _, normal = _lay_all(loose, surface, shapes)
     held = np.isfinite(laid.position_m[:, 2]) & (normal[:, 2] >= math.cos(math.radians(steepest_deg)))
     return _clear_circle(_choose(laid, held), clear_m)
@@ -649,8 +667,9 @@ def _lay_rocks(
 def _lay_all(
     loose: _LooseRocks, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
 ) -> tuple[Rocks, Array, Array]:
-    """All rocks in poses on the ground, with heights that are not finite where there is none, their thicknesses (n,)
-    along the normal of the ground, in metres, and these unit normals (n, 3)."""
+    """Lay all rocks on the ground, with heights that are not finite without ground. Return them, their thicknesses (n,)
+    along the normal of the ground, in metres, and these unit normals (n, 3).
+    """
     xy, scale, level, shape = loose.places_m, loose.scale_m, loose.level, loose.shape
     normal, ground = _measure_footprint_ground(xy, 0.45 * loose.diameter_m, surface)
     rotation = _rotation_from_vertical(normal) @ loose.rotation
@@ -672,9 +691,10 @@ def move_rocks(
     before: HeightAt,
     shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array]:
-    """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2). A rock
-    turns from the slope of its footprint on the ground ``before`` to the slope on ``surface``, and is lowered until it
-    touches the ground."""
+    """Lay the rocks ``which`` (m,) loosely on other places (m, 2). Return their positions (m, 3) and Euler angles (m,
+    3). A rock turns from the slope of its footprint on the ground ``before`` to the slope on ``surface``, and is
+    lowered until it touches the ground.
+    """
     size = 0.45 * rocks.diameter_m[which]
     old, _ = _measure_footprint_ground(rocks.position_m[which, :2], size, before)
     new, _ = _measure_footprint_ground(xy, size, surface)

@@ -5,9 +5,9 @@ the ground stops falling. The model has no momentum. Rocks that fell down a talu
 line of sight to its head dips at 22 to 30 degrees (from memory: Evans and Hungr 1993, Can. Geotech. J. 30, 620). Both
 the driving force and friction are proportional to gravity, so the angle and the places do not depend on it.
 
-Then each large rock sinks and tilts, as quasi-static contact demands. Of all planes under the gaps between its points
-and the ground, the one that is highest at its centre is what it can still sink by. This plane passes through three
-points around the centre (the facet of the lower convex hull over it), so a rock that can sink no more rests on them.
+Then each large rock sinks and tilts, as quasi-static contact demands. It sinks by the plane that is highest at its
+centre, of all planes under the gaps between its points and the ground. This plane passes through three points around
+the centre (the facet of the lower convex hull over it), so a rock that can sink no more rests on them.
 
 Last, rocks move apart on the map until their outlines are disjoint, the smaller one away from the larger. Outlines are
 convex and bounded in 32 directions, so disjoint ones prove that rocks do not reach into each other.
@@ -57,7 +57,7 @@ class _Slopes:
     half_m: float
 
     def heights(self, x_m: Array, y_m: Array) -> Array:
-        """Heights at places, linear between the points of the grid and level beyond it."""
+        """Interpolate the heights at places, linearly between the points of the grid and level beyond it."""
         last = len(self.height_m) - 1
         column, row = (np.clip((a + self.half_m) * (last / (2.0 * self.half_m)), 0.0, last) for a in (x_m, y_m))
         i, j = (np.minimum(a.astype(np.int64), last - 1) for a in (row, column))
@@ -66,7 +66,7 @@ class _Slopes:
         return np.asarray(south + north * (z[i + 1, j] + east * (z[i + 1, j + 1] - z[i + 1, j]) - south))
 
     def measure(self, places_m: Array, radius_m: Array) -> tuple[Array, Array]:
-        """Mean heights (n,) and downward gradients (n, 2) of the ground on rings around places (n, 2)."""
+        """Measure the mean heights (n,) and downward gradients (n, 2) of the ground on rings around places (n, 2)."""
         turn = 2.0 * np.pi / _RING_POINTS * np.arange(_RING_POINTS)
         dx, dy = np.cos(turn) * radius_m[:, None], np.sin(turn) * radius_m[:, None]
         z = self.heights(places_m[:, :1] + dx, places_m[:, 1:] + dy)
@@ -76,8 +76,9 @@ class _Slopes:
 
 
 def roll_down(places_m: Array, diameter_m: Array, surface: HeightAt, size_m: float, rolling_deg: float) -> Array:
-    """Places (n, 2) where rocks of these diameters come to rest that started at ``places_m`` on a patch of side
-    ``size_m``. A rock beyond the patch or without ground stays."""
+    """Find the places (n, 2) where rocks of these diameters come to rest that started at ``places_m`` on a patch of
+    side ``size_m``. A rock beyond the patch or without ground stays.
+    """
     half = size_m / 2
     axis = np.linspace(-half, half, _GRID_SIDE)
     z = surface(*np.broadcast_arrays(axis[None, :], axis[:, None]))
@@ -101,9 +102,10 @@ def roll_down(places_m: Array, diameter_m: Array, surface: HeightAt, size_m: flo
 
 
 def settle_poses(points: Array, centre_m: Array, surface: HeightAt) -> tuple[Array, Array]:
-    """Turns (n, 3, 3) and centres (n, 3) with which rocks rest on the ground, from their ``points`` (n, k, 3) relative
-    to the centres (n, 3), all in metres. Rocks turn about their centres and move along the vertical. Where a point has
-    no ground it may sink freely."""
+    """Find the turns (n, 3, 3) and centres (n, 3) with which rocks rest on the ground, from their ``points`` (n, k, 3)
+    relative to the centres (n, 3), all in metres. Rocks turn about their centres and move along the vertical. Where a
+    point has no ground it may sink freely.
+    """
     turn = np.broadcast_to(np.eye(3), (len(points), 3, 3)).copy()
     centre, size_m = centre_m.copy(), np.abs(points).max(axis=(1, 2))
     going = np.arange(len(points))
@@ -126,14 +128,16 @@ def settle_poses(points: Array, centre_m: Array, surface: HeightAt) -> tuple[Arr
 
 
 def _measure_gaps(points: Array, centre: Array, surface: HeightAt) -> tuple[Array, Array, Array]:
-    """East and north (n, k) of points relative to the centres, and their heights (n, k) above the ground."""
+    """Measure the heights (n, k) of points above the ground. Return them after the points' east and north (n, k),
+    relative to the centres.
+    """
     ground = surface(centre[:, :1] + points[..., 0], centre[:, 1:2] + points[..., 1])
     gap = centre[:, 2:] + points[..., 2] - np.where(np.isnan(ground), -np.inf, ground)
     return points[..., 0], points[..., 1], gap
 
 
 def _turn_about(axis: Array, angle: Array) -> Array:
-    """Rotation matrices (n, 3, 3) about level unit vectors (n, 2), by Rodrigues' formula."""
+    """Make rotation matrices (n, 3, 3) about level unit vectors (n, 2), by Rodrigues' formula."""
     x, y, zero = axis[:, 0], axis[:, 1], np.zeros(len(axis))
     rows = [[zero, zero, y], [zero, zero, -x], [-y, x, zero]]
     cross = np.stack([np.stack(row, axis=1) for row in rows], axis=1)
@@ -142,11 +146,11 @@ def _turn_about(axis: Array, angle: Array) -> Array:
 
 
 def find_resting_planes(x_m: Array, y_m: Array, gap_m: Array) -> Array:
-    """The planes a + b x + c y (n, 3) at or under gaps (n, k) at places (n, k) that are highest at the origin.
+    """Find the planes a + b x + c y (n, 3) at or under gaps (n, k) at places (n, k) that are highest at the origin.
 
     The search starts at the lowest gap and tilts the plane toward the origin until it touches a second and a third
-    point. While the origin is outside the triangle of the three, it tilts on about the edge before the origin. A rock
-    whose points are all on one side of its centre keeps its last plane.
+    point. While the origin is outside the triangle of the three points, the plane tilts on about the edge before the
+    origin. A rock whose points are all on one side of its centre keeps its last plane.
     """
     points = np.stack([x_m, y_m], axis=2)
     first = gap_m.argmin(axis=1)
@@ -169,8 +173,9 @@ def find_resting_planes(x_m: Array, y_m: Array, gap_m: Array) -> Array:
 
 
 def _tilt(points: Array, gap_m: Array, plane: Array, hinge: Array, toward: Array) -> tuple[Array, Array, Array]:
-    """The point (n,) that a plane (n, 3) touches next as it tilts about its point ``hinge``, rising ``toward`` (n, 2);
-    the tilted plane, and whether there is such a point."""
+    """Tilt a plane (n, 3) about its point ``hinge``, rising ``toward`` (n, 2). Return the point (n,) that it touches
+    next, the tilted plane, and whether there is such a point.
+    """
     rock = np.arange(len(gap_m))
     rise = ((points - points[rock, hinge][:, None]) * toward[:, None]).sum(axis=2)
     room = gap_m - (plane[:, :1] + (plane[:, None, 1:] * points).sum(axis=2))
@@ -187,8 +192,9 @@ def _tilt(points: Array, gap_m: Array, plane: Array, hinge: Array, toward: Array
 def _find_open_edge(
     points: Array, first: Array, second: Array, third: Array, going: Array
 ) -> tuple[Array, Array, Array]:
-    """Of each triangle (n,) the new edge that has the origin on its outer side, as its two ends, and whether there is
-    one."""
+    """Find, for each triangle (n,), the new edge that has the origin on its outer side. Return its two ends, and
+    whether there is such an edge.
+    """
     rock = np.arange(len(first))
     a, b, c = (points[rock, each] for each in (first, second, third))
 
@@ -203,8 +209,9 @@ def _find_open_edge(
 
 
 def pick_lowest(points: Array) -> Array:
-    """The points (n, 128, 3) of rocks (n, k, 3) that are farthest in directions spread evenly below the horizon, which
-    may touch the ground; some may be equal."""
+    """Pick the points (n, 128, 3) of rocks (n, k, 3) that are farthest in directions spread evenly below the horizon,
+    which may touch the ground; some may be equal.
+    """
     k = np.arange(_TOUCHING_POINTS) + 0.5
     down, turn = k / _TOUCHING_POINTS, np.pi * (1.0 + math.sqrt(5.0)) * k
     level = np.sqrt(1.0 - down * down)
@@ -216,7 +223,7 @@ def pick_lowest(points: Array) -> Array:
 
 
 def measure_outlines(points: Array) -> Array:
-    """How far (n, 32) the outlines on the map of points (n, k, 3) reach in 32 directions, in metres."""
+    """Measure the reach (n, 32), m, of the outlines on the map of points (n, k, 3) in 32 directions."""
     turn = 2.0 * np.pi / N_DIRECTIONS * np.arange(N_DIRECTIONS)
     directions = np.stack([np.cos(turn), np.sin(turn)])
     return np.asarray((points[..., :2] @ directions).max(axis=1))
@@ -224,7 +231,7 @@ def measure_outlines(points: Array) -> Array:
 
 @dataclass
 class OutlinesAtRest:
-    """Outlines of rocks on the map that do not overlap, found by the square cells that they reach into."""
+    """Outlines of rocks on the map that do not overlap, found by the square cells into which they reach."""
 
     side_m: float
     places: list[Array] = field(default_factory=list)
@@ -245,8 +252,9 @@ class OutlinesAtRest:
         self.reach.append(reach)
 
     def find_deepest(self, place: Array, reach: Array) -> Array | None:
-        """The shortest move (2,) in metres out of the outline that an outline overlaps most; None if it overlaps
-        none."""
+        """Find the outline that this outline overlaps most, and return the shortest move (2,) in metres out of it; None
+        if it overlaps none.
+        """
         near = sorted({k for cell in self._list_cells(place, reach) for k in self.cells.get(cell, ())})
         if not near:
             return None
@@ -265,9 +273,10 @@ class OutlinesAtRest:
 def move_apart(
     places_m: Array, diameter_m: Array, reach_m: Array, outlines: OutlinesAtRest, half_m: float
 ) -> tuple[Array, Array]:
-    """Places (n, 2) at which outlines with these reaches (n, 32), largest first, overlap neither each other nor the
-    ``outlines``, to which they are added; and whether each has such a place (n,). Those on the square of half side
-    ``half_m`` about the origin stay on it."""
+    """Find places (n, 2) at which outlines with these reaches (n, 32), largest first, overlap neither each other nor
+    the ``outlines``, to which they are added. Also return whether each has such a place (n,). Outlines on the square of
+    half side ``half_m`` about the origin stay on it.
+    """
     places, kept = places_m.copy(), np.zeros(len(places_m), bool)
     for k in range(len(places)):
         at = places[k]
@@ -284,7 +293,7 @@ def move_apart(
 
 
 def find_clear_of(outlines: OutlinesAtRest, places_m: Array, radius_m: Array) -> Array:
-    """Whether each disc (n,) at places (n, 2) is outside all outlines."""
+    """Return whether each disc (n,) at places (n, 2) is outside all outlines."""
     clear = np.ones(len(places_m), bool)
     order = np.argsort(places_m[:, 0], kind="stable")
     east, widest = places_m[order, 0], float(radius_m.max(initial=0.0))

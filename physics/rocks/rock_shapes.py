@@ -61,7 +61,7 @@ class RockShape:
 
 @lru_cache(maxsize=8)
 def make_icosphere(subdivisions: int) -> tuple[Array, Array]:
-    """Unit directions (n, 3) and triangles (20·4^subdivisions, 3) of a subdivided icosahedron."""
+    """Make the unit directions (n, 3) and triangles (20·4^subdivisions, 3) of a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     points = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
     vertices = np.array([np.roll(p, k) for k in range(3) for p in points])
@@ -87,7 +87,7 @@ def make_icosphere(subdivisions: int) -> tuple[Array, Array]:
 
 
 def find_polyhedron_corners(normals: Array, depths: Array) -> Array:
-    """Corners (n, 3) of the polyhedron of points p with p·normals (k, 3) <= depths (k,), which is bounded."""
+    """Find the corners (n, 3) of the bounded polyhedron of points p with p·normals (k, 3) <= depths (k,)."""
     triples = np.array(list(combinations(range(len(normals)), 3)))
     systems = normals[triples]
     solvable = np.abs(np.linalg.det(systems)) > 1e-6
@@ -96,7 +96,7 @@ def find_polyhedron_corners(normals: Array, depths: Array) -> Array:
 
 
 def _draw_planes(family: str, random: np.random.Generator) -> tuple[Array, Array]:
-    """Unit normals and distances from the centre of the planes that bound a rock."""
+    """Draw the unit normals and distances from the centre of the planes that bound a rock."""
     if family == "SLABS":
         sides = random.integers(5, 8)
         around = 2 * np.pi * (np.arange(sides) + random.uniform(-0.3, 0.3, sides)) / sides
@@ -114,7 +114,7 @@ def _draw_planes(family: str, random: np.random.Generator) -> tuple[Array, Array
 
 
 def _draw_cleavage(random: np.random.Generator) -> tuple[Array, Array]:
-    """Unit normals and distances from the centre of the planes that bound a rock of broken ice."""
+    """Draw the unit normals and distances from the centre of the planes that bound a rock of broken ice."""
 
     def unit(vectors: Array) -> Array:
         return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
@@ -135,7 +135,7 @@ def _draw_cleavage(random: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _hull_area(points: Array) -> float:
-    """Area of the convex hull of points (n, 2), by Andrew's monotone chain."""
+    """Compute the area of the convex hull of points (n, 2), by Andrew's monotone chain."""
     # Points inside the polygon of those farthest out in 32 directions are not on the hull (Akl and Toussaint 1978).
     angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     far = points[np.argmax(points @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)]
@@ -164,8 +164,9 @@ def _hull_area(points: Array) -> float:
 
 
 def _round_edges(normals: Array, depths: Array, wear: float) -> list[tuple[Array, Array]]:
-    """Vertices at every level, and whether triangles are plane faces, of a polyhedron with edges
-    rounded by ``wear``."""
+    """Round the edges of a polyhedron by ``wear``. Return, for every level, its vertices and whether triangles are
+    plane faces.
+    """
     radius = wear * depths.min()
     corners = find_polyhedron_corners(normals, depths - radius)
     levels = []
@@ -181,7 +182,9 @@ def _round_edges(normals: Array, depths: Array, wear: float) -> list[tuple[Array
 def _blend_planes(
     normals: Array, depths: Array, angularity: float, random: np.random.Generator
 ) -> list[tuple[Array, Array]]:
-    """Vertices at every level of a boulder: planes blended smoothly, with low lumps; no plane faces."""
+    """Blend planes smoothly to a boulder with low lumps. Return, for every level, its vertices; it has no plane
+    faces.
+    """
     power = 4.0 + 8.0 * angularity
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
     levels = []
@@ -194,8 +197,9 @@ def _blend_planes(
 
 
 def _follow_edges(directions: Array, planes: Array, step: float) -> Array:
-    """Unit directions (n, 3), moved onto an edge if they are within 0.4 of a ``step`` (rad) of it, so that edges have
-    no teeth. ``planes`` (k, 3) are normals over distances from the centre."""
+    """Move unit directions (n, 3) onto an edge if they are within 0.4 of a ``step`` (rad) of it, so that edges have no
+    teeth. ``planes`` (k, 3) are normals over distances from the centre.
+    """
     order = np.argsort(directions @ planes.T, axis=1)
     across = planes[order[:, -1]] - planes[order[:, -2]]
     off = np.einsum("nk,nk->n", directions, across)
@@ -210,7 +214,7 @@ def _follow_edges(directions: Array, planes: Array, step: float) -> Array:
 def _break_ice(
     normals: Array, depths: Array, angularity: float, random: np.random.Generator
 ) -> list[tuple[Array, Array]]:
-    """Vertices at every level of a rock of broken ice, all of whose triangles are flat."""
+    """Make a rock of broken ice. Return, for every level, its vertices; all triangles are flat."""
     waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVENUMBERS]
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
     planes, levels = normals / depths[:, None], []
@@ -233,12 +237,14 @@ def _break_ice(
 
 
 def _assign_faces(vertices: Array, triangles: Array, planes: Array) -> Array:
-    """The plane (m,) int32 that each triangle lies on, of ``planes`` (k, 3), normals over distances from the centre."""
+    """Find the plane (m,) int32 on which each triangle lies, of ``planes`` (k, 3), normals over distances from the
+    centre.
+    """
     return np.argmax(vertices[triangles].mean(axis=1) @ planes.T, axis=1).astype(np.int32)
 
 
 def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[RockShape]:
-    """One rock at every level, of unit size."""
+    """Make one rock at every level, of unit size."""
     normals, depths = _draw_cleavage(random) if family == "BROKEN_ICE" else _draw_planes(family, random)
     sampled = ICE_LEVELS if family == "BROKEN_ICE" else SUBDIVISIONS_BY_LEVEL
     if family == "BROKEN_ICE":
@@ -268,8 +274,9 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
 
 @lru_cache(maxsize=4)
 def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[RockShape, ...], ...]:
-    """The available shapes as ``[level][shape]``, finest level first, with the same shapes at every level. ``family``
-    is one of ``FAMILIES``, or "MIXED" for all of ``MIXED``; ``angularity`` is from 0, worn round, to 1, freshly broken.
+    """Make the available shapes as ``[level][shape]``, finest level first, with the same shapes at every level.
+    ``family`` is one of ``FAMILIES``, or "MIXED" for all of ``MIXED``; ``angularity`` is from 0, worn round, to 1,
+    freshly broken.
     """
     families = MIXED if family == "MIXED" else (family,)
     rocks = [

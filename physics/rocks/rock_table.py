@@ -16,8 +16,9 @@ TABLE = "TABLE"
 
 
 def read_rock_table(path: Path) -> Array:
-    """Places east and north and diameters (n, 3) in metres, largest first, from a CSV file. Its first line names the
-    columns; only ``ROCK_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or number."""
+    """Read places east and north and diameters (n, 3) in metres, largest first, from a CSV file. Its first line names
+    the columns; only ``ROCK_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or number.
+    """
     rows = read_number_lines(path, ROCK_COLUMNS, "rocks.file")
     values = np.empty((len(rows), len(ROCK_COLUMNS)))
     for k, (number, numbers) in enumerate(rows):
@@ -33,5 +34,5 @@ def read_rock_table(path: Path) -> Array:
 
 
 def covered_share(table: Array, size_m: float) -> float:
-    """Share of a square patch under the rocks of a table (n, 3), counting overlaps twice."""
+    """Compute the share of a square patch under the rocks of a table (n, 3), counting overlaps twice."""
     return float(np.pi / 4 * (table[:, 2] ** 2).sum() / size_m**2)

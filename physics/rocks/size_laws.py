@@ -46,7 +46,7 @@ class SizeLaw(Protocol):
         ...
 
     def diameter_m(self, per_m2: Array) -> Array:
-        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
+        """Diameters in metres above which there are ``per_m2`` rocks per square metre."""
         ...
 
 
@@ -61,7 +61,7 @@ class PowerLaw:
 
     @property
     def mean_footprint_m2(self) -> float:
-        """Mean of pi D²/4."""
+        """Mean of pi D²/4 in m²."""
         log_ratio = math.log(self.largest_m / self.smallest_m)
         if log_ratio == 0.0:
             return math.pi / 4 * self.smallest_m**2
@@ -81,7 +81,9 @@ class PowerLaw:
         return (self.smallest_m / self.largest_m) ** self.index
 
     def per_m2_above(self, diameter_m: Array) -> Array:
-        """Rocks per square metre larger than diameters in metres; NaN if smallest and largest diameter are equal."""
+        """Compute the rocks per square metre larger than diameters in metres; NaN if smallest and largest diameter are
+        equal.
+        """
         d = np.clip(diameter_m, self.smallest_m, self.largest_m)
         with np.errstate(invalid="ignore"):
             return (
@@ -91,7 +93,7 @@ class PowerLaw:
             )
 
     def diameter_m(self, per_m2: Array) -> Array:
-        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
+        """Compute the diameters in metres above which there are ``per_m2`` rocks per square metre."""
         share = np.asarray(per_m2) / self.total_per_m2
         return self.smallest_m * (share * (1.0 - self._share_above_largest) + self._share_above_largest) ** (
             -1.0 / self.index
@@ -112,7 +114,7 @@ class GolombekLaw:
         return 1.79 + 0.152 / self.k
 
     def cover_above(self, diameter_m: Array) -> Array:
-        """Share of the ground under rocks larger than diameters in metres, without an upper end."""
+        """Compute the share of the ground under rocks larger than diameters in metres, without an upper end."""
         return self.k * np.exp(-self.q_per_m * np.asarray(diameter_m))
 
     @cached_property
@@ -131,18 +133,18 @@ class GolombekLaw:
         return float(self._density_table[1][-1])
 
     def per_m2_above(self, diameter_m: Array) -> Array:
-        """Rocks per square metre larger than diameters in metres."""
+        """Compute the rocks per square metre larger than diameters in metres."""
         d, above = self._density_table
         return np.interp(np.log(diameter_m), np.log(d[::-1]), above[::-1])
 
     def diameter_m(self, per_m2: Array) -> Array:
-        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
+        """Compute the diameters in metres above which there are ``per_m2`` rocks per square metre."""
         d, above = self._density_table
         return np.exp(np.interp(per_m2, above, np.log(d)))
 
 
 def make_size_law(rocks: RocksSettings) -> PowerLaw | GolombekLaw:
-    """The law that ``rocks`` settings describe; their coverage must be above 0.
+    """Make the law that ``rocks`` settings describe; their coverage must be above 0.
 
     Raises IcyMoonError if the largest diameter is below the smallest.
     """
@@ -158,9 +160,10 @@ def make_size_law(rocks: RocksSettings) -> PowerLaw | GolombekLaw:
 
 
 def make_law_beyond(rocks: RocksSettings) -> SizeLaw:
-    """The law of rocks beyond the patch: that of ``make_size_law``, up to ``rocks.beyond_largest`` times its largest
-    diameter, with as many rocks per square metre of each size that both have. Rocks of one size have no law that could
-    go on. Raises IcyMoonError as that does."""
+    """Make the law of rocks beyond the patch: the law of ``make_size_law``, up to ``rocks.beyond_largest`` times its
+    largest diameter. It has as many rocks per square metre of each size that both laws have. Rocks of one size have no
+    law that could go on. Raises IcyMoonError as ``make_size_law`` does.
+    """
     law = make_size_law(rocks)
     if rocks.beyond_largest == 1.0 or law.smallest_m == law.largest_m:
         return law
@@ -174,7 +177,8 @@ def make_law_beyond(rocks: RocksSettings) -> SizeLaw:
 
 
 def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[Array, float]:
-    """Diameters in metres of the rocks on an area, largest first, and the smallest diameter that could be drawn.
+    """Draw the diameters in metres of the rocks on an area, largest first. Also return the smallest diameter that could
+    be drawn.
 
     The number follows from the law, up to ``most``; beyond that, only the largest rocks of the law are drawn. One
     diameter comes from each of n equal parts of the law, so that sizes and covered share follow the law as closely as n

@@ -1,1 +1,1 @@
-"""How ice and snow reflect light: laws, albedos, texture maps."""
+"""Reflection of light by ice and snow: laws, albedos, texture maps."""

@@ -1,7 +1,7 @@
 """Fractures inside ice: the light that an open crack reflects, and the depth to which cracks are visible.
 
-An open crack is a gap of air. Light inside the ice that meets it at more than 50 degrees from its normal is totally
-reflected, so that a crack is a bright veil from one side and nearly invisible from another.
+An open crack is a gap of air. It totally reflects light inside the ice that meets it at more than 50 degrees from its
+normal. So a crack is a bright veil from one side and nearly invisible from another.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ...support.arrays import Array, Numbers
 
 
 def gap_reflectance(cosine: Numbers, refractive_index: float) -> Array:
-    """Share of unpolarised light inside ice that a gap of air reflects, at cosines from the gap's normal.
+    """Compute the share of unpolarised light inside ice that a gap of air reflects, at cosines from the gap's normal.
 
     Both faces of the gap reflect F by Fresnel's formula, again and again: 2 F / (1 + F) for each polarisation.
     Interference is left out, because gaps are wider than the light's coherence.
@@ -27,8 +27,8 @@ def gap_reflectance(cosine: Numbers, refractive_index: float) -> Array:
 
 
 def sight_depth_m(surface: SurfaceSettings) -> float:
-    """Depth of sight in metres into ice with ``surface`` settings: the distance at which 1/e of the light is still
-    unscattered; 0 for opaque ice.
+    """Compute the depth of sight in metres into ice with ``surface`` settings: the distance at which 1/e of the light
+    is still unscattered; 0 for opaque ice.
 
     Bubbles of radius a and volume share f have a cross section of 3 f / (4 a) per volume, so light is scattered after 4
     a / (3 f) on average. In ice without bubbles, the nearest fractures hide the rest.
@@ -41,5 +41,5 @@ def sight_depth_m(surface: SurfaceSettings) -> float:
 
 
 def has_fractures(surface: SurfaceSettings) -> bool:
-    """Whether fractures inside the ice are visible."""
+    """Return whether fractures inside the ice are visible."""
     return surface.model == "PRINCIPLED" and surface.fracture_share > 0.0 and sight_depth_m(surface) > 0.0

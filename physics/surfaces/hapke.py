@@ -1,19 +1,18 @@
 """Hapke's bidirectional reflectance of a particulate surface, the double-precision reference.
 
-The isotropic multiple-scattering approximation (IMSA) with the two opposition effects, roughness
-and porosity::
+The law is the isotropic multiple-scattering approximation (IMSA) with the two opposition effects, roughness and
+porosity:
 
     r = K w/4π · µ0e/(µ0e+µe) · [p(g)(1 + BS0 BS(g)) + H(µ0e/K) H(µe/K) - 1] · (1 + BC0 BC(g)) · S(i,e,ψ;θ̄)
 
-r is radiance over the irradiance of a surface that faces the Sun, in 1/sr; i is the incidence and
-e the emission angle, ψ the azimuth between them (0: the Sun behind the observer), g the phase angle.
+r is radiance over the irradiance of a surface that faces the Sun, in 1/sr; i is the incidence and e the emission angle,
+ψ the azimuth between them (0: the Sun behind the observer), g the phase angle.
 
-Sources: B. Hapke, Theory of Reflectance and Emittance Spectroscopy, 2nd ed. 2012 (the formula);
-Hapke 1981, JGR 86, 3039 (H, "1981"); 1984, Icarus 59, 41 (roughness); 1986, Icarus 67, 264 (shadow
-hiding); 1993, the book's first edition (H, "1993"); 2002, Icarus 157, 523 (H "2002", coherent
-backscatter); 2008, Icarus 195, 918 (porosity).
+Sources: B. Hapke, Theory of Reflectance and Emittance Spectroscopy, 2nd ed. 2012 (the formula); Hapke 1981, JGR 86,
+3039 (H, "1981"); 1984, Icarus 59, 41 (roughness); 1986, Icarus 67, 264 (shadow hiding); 1993, the book's first edition
+(H, "1993"); 2002, Icarus 157, 523 (H "2002", coherent backscatter); 2008, Icarus 195, 918 (porosity).
 
-Nothing here takes the arc cosine of a dot product: near opposition that loses half of the digits.
+Nothing here takes the arc cosine of a dot product, because near opposition that loses half of the digits.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 
 H_FUNCTIONS = ("1981", "1993", "2002")
-#: Where K(filling factor) = -ln(1 - 1.209 f^(2/3)) / (1.209 f^(2/3)) becomes infinite.
+#: Filling factor f at which K = -ln(1 - 1.209 f^(2/3)) / (1.209 f^(2/3)) becomes infinite.
 CLOSEST_PACKING = 1.209**-1.5
 _TINY = 1e-300  # makes 0/0 forms finite and changes nothing else
 
@@ -36,15 +35,17 @@ _TINY = 1e-300  # makes 0/0 forms finite and changes nothing else
 class HapkeParameters:
     """Parameters of the model; numbers, or arrays that broadcast with each other and with the angles.
 
-    w: single-scattering albedo, 0 to 1. b, c: two-lobed Henyey-Greenstein phase function in Hapke's 2012 convention,
-    |b| < 1 the width of
-        the lobes, (1 + c)/2 the share of the lobe toward the source. c may leave [-1, 1] as far as
-        the phase function stays non-negative. One lobe of asymmetry ξ = <cos scattering angle> is ``single_lobe(ξ)``;
-        McGuire's and ISIS' c' is (1 + c)/2.
-    b_s0, h_s: amplitude and half-width parameter of the shadow-hiding opposition effect. b_c0, h_c: the same of
-    coherent backscatter. theta_bar: mean slope angle of the roughness that is not resolved, in radians, 0 to < π/2.
-    filling_factor: share of the volume that grains fill, 0 (K = 1) to < 0.7522. h_function: "1981", "1993" or "2002",
-    the approximation of the H function. Parameters belong to the H function that they were fitted with.
+    w: single-scattering albedo, 0 to 1.
+    b, c: two-lobed Henyey-Greenstein phase function in Hapke's 2012 convention. |b| < 1 is the width of the lobes, and
+      (1 + c)/2 the share of the lobe toward the source. c may leave [-1, 1] as far as the phase function stays
+      non-negative. ``single_lobe(ξ)`` is one lobe of asymmetry ξ = <cos scattering angle>; McGuire's and ISIS' c' is
+      (1 + c)/2.
+    b_s0, h_s: amplitude and half-width parameter of the shadow-hiding opposition effect.
+    b_c0, h_c: amplitude and half-width parameter of coherent backscatter.
+    theta_bar: mean slope angle of the unresolved roughness, in radians, 0 to < π/2.
+    filling_factor: share of the volume that grains fill, 0 (K = 1) to < 0.7522.
+    h_function: "1981", "1993" or "2002", the approximation of the H function. Parameters belong to the H function with
+      which they were fitted.
 
     Raises IcyMoonError where a parameter is physically impossible.
     """
@@ -106,7 +107,7 @@ class HapkeParameters:
 
 
 def hapke_from_settings(hapke: HapkeSettings) -> HapkeParameters:
-    """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are physically impossible."""
+    """Make the parameters that ``hapke`` settings describe. Raises IcyMoonError if they are physically impossible."""
     same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
     return HapkeParameters(
         **{key: hapke[key] for key in same}, theta_bar=np.radians(hapke.theta_bar_deg), h_function=hapke.h_function
@@ -114,13 +115,16 @@ def hapke_from_settings(hapke: HapkeSettings) -> HapkeParameters:
 
 
 def single_lobe(asymmetry: float) -> dict[str, float]:
-    """b and c of a one-term Henyey-Greenstein function with ξ = <cos scattering angle>, which is negative for
-    backscatter."""
+    """Return b and c of a one-term Henyey-Greenstein function with ξ = <cos scattering angle>, which is negative for
+    backscatter.
+    """
     return {"b": abs(asymmetry), "c": -1.0 if asymmetry > 0 else 1.0}
 
 
 def phase_function(phase: Numbers, b: Numbers, c: Numbers) -> Array:
-    """Two-lobed Henyey-Greenstein p at phase angles in radians, mean 1 over the sphere (Hapke 2012, eq. 6.7)."""
+    """Compute the two-lobed Henyey-Greenstein p at phase angles in radians, mean 1 over the sphere (Hapke 2012, eq.
+    6.7).
+    """
     return _phase_function(
         np.sin(np.asarray(phase, np.float64) / 2) ** 2, np.cos(np.asarray(phase, np.float64) / 2) ** 2, b, c
     )
@@ -137,7 +141,7 @@ def _phase_function(sin2_half: Array, cos2_half: Array, b: Numbers, c: Numbers) 
 
 
 def h_function(x: Numbers, w: Numbers, kind: str = "2002") -> Array:
-    """Approximations of Chandrasekhar's H(x) for isotropic scatterers of albedo w, x the cosine of the angle.
+    """Approximate Chandrasekhar's H(x) for isotropic scatterers of albedo w, where x is the cosine of the angle.
 
     Largest errors at w = 1: "1981" 4 %, "1993" and "2002" 0.8 %.
     """
@@ -157,21 +161,21 @@ def h_function(x: Numbers, w: Numbers, kind: str = "2002") -> Array:
 
 
 def porosity_factor(filling_factor: Numbers) -> Array:
-    """K of Hapke 2008: 1 for loose powder, growing as the grains are packed."""
+    """Compute K of Hapke 2008: 1 for loose powder, larger the denser the grains are packed."""
     y = 1.209 * np.cbrt(np.asarray(filling_factor, np.float64)) ** 2
     factor: Array = np.where(y > 0, -np.log1p(-y) / np.maximum(y, _TINY), 1.0)
     return factor
 
 
 def shadow_hiding(tan_half: Numbers, h_s: Numbers) -> Array:
-    """B_S = 1/(1 + tan(g/2)/h_S); 0 where the half-width is 0."""
+    """Compute B_S = 1/(1 + tan(g/2)/h_S); 0 where the half-width is 0."""
     h = np.asarray(h_s, np.float64)
     surge: Array = np.where(h > 0, h / np.maximum(h + tan_half, _TINY), 0.0)
     return surge
 
 
 def coherent_backscatter(tan_half: Numbers, h_c: Numbers) -> Array:
-    """B_C = [1 + (1 - e^-x)/x] / 2(1 + x)², x = tan(g/2)/h_C; 0 where the half-width is 0."""
+    """Compute B_C = [1 + (1 - e^-x)/x] / 2(1 + x)², x = tan(g/2)/h_C; 0 where the half-width is 0."""
     h = np.asarray(h_c, np.float64)
     x = np.asarray(tan_half, np.float64) / np.maximum(h, _TINY)
     ratio = np.where(x > 0, -np.expm1(-x) / np.maximum(x, _TINY), 1.0)
@@ -180,7 +184,7 @@ def coherent_backscatter(tan_half: Numbers, h_c: Numbers) -> Array:
 
 
 def _apply_roughness(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> tuple[Array, Array, Array]:
-    """Effective cosines µ0e and µe and the shadowing function S (Hapke 1984; 2012, section 12.4).
+    """Compute the effective cosines µ0e and µe and the shadowing function S (Hapke 1984; 2012, section 12.4).
 
     The smooth limit needs no special case: with θ̄ = 0, cot θ̄ is infinite and every exponential 0.
     """
@@ -215,10 +219,10 @@ def _apply_roughness(incidence: Array, emission: Array, psi: Array, theta_bar: A
 def bidirectional_reflectance(
     incidence: Numbers, emission: Numbers, azimuth: Numbers, parameters: HapkeParameters
 ) -> Array:
-    """Bidirectional reflectance r in 1/sr; angles in radians, azimuth 0 on the Sun's side, broadcasting.
+    """Compute the bidirectional reflectance r in 1/sr at angles in radians that broadcast, azimuth 0 on the Sun's side.
 
-    0 where the Sun is at or below the surface's horizon or the observer is below it. π r is the
-    radiance factor I/F, r / cos(incidence) the BRDF.
+    It is 0 where the Sun is at or below the surface's horizon or the observer is below it. π r is the radiance factor
+    I/F, r / cos(incidence) the BRDF.
     """
     q = parameters
     i, e, psi = (np.asarray(angle, np.float64) for angle in (incidence, emission, azimuth))
@@ -253,7 +257,9 @@ def bidirectional_reflectance(
 
 
 def brdf(incidence: Numbers, emission: Numbers, azimuth: Numbers, parameters: HapkeParameters) -> Array:
-    """r / cos(incidence) in 1/sr, unchanged when incidence and emission are exchanged; 0 where r is."""
+    """Compute the BRDF r / cos(incidence) in 1/sr; 0 where r is 0. It is unchanged when incidence and emission are
+    exchanged.
+    """
     cosine = np.cos(np.asarray(incidence, np.float64))
     result: Array = bidirectional_reflectance(incidence, emission, azimuth, parameters) / np.maximum(cosine, _TINY)
     return result

@@ -1,8 +1,8 @@
 """Albedos and the phase function of any photometric law, by numerical integration; the simple laws.
 
-A law is a function of incidence, emission and azimuth in radians (azimuth 0: the Sun behind the
-observer) that broadcasts and gives the bidirectional reflectance r in 1/sr: radiance over the
-irradiance of a surface that faces the Sun. Definitions as in Hapke 2012, chapter 11.
+A law is a function of incidence, emission and azimuth in radians (azimuth 0: the Sun behind the observer). It
+broadcasts, and returns the bidirectional reflectance r in 1/sr: radiance over the irradiance of a surface that faces
+the Sun. Definitions are as in Hapke 2012, chapter 11.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ _GAUSS_NODES = 48
 
 
 def lunar_lambert(albedo: Numbers, share: Numbers) -> Law:
-    """McEwen's law (1991, Icarus 92, 298) without phase dependence, ``share`` of it Lommel-Seeliger, the rest Lambert.
+    """Make McEwen's law (1991, Icarus 92, 298) without phase dependence, ``share`` of it Lommel-Seeliger, the rest
+    Lambert.
 
-    I/F = A [2 s µ0/(µ0 + µ) + (1 - s) µ0], scaled so that ``albedo`` is the Bond albedo. With share 0
-    it is Lambert's law, with 1 Lommel and Seeliger's.
+    I/F = A [2 s µ0/(µ0 + µ) + (1 - s) µ0], scaled so that ``albedo`` is the Bond albedo. With share 0 it is Lambert's
+    law, with 1 Lommel and Seeliger's.
     """
     normal = lunar_lambert_normal_albedo(albedo, share)
 
@@ -39,12 +40,12 @@ def lunar_lambert(albedo: Numbers, share: Numbers) -> Law:
 
 
 def lunar_lambert_normal_albedo(albedo: Numbers, share: Numbers) -> Numbers:
-    """Normal albedo of ``lunar_lambert`` with this Bond albedo and Lommel-Seeliger share."""
+    """Compute the normal albedo of ``lunar_lambert`` with this Bond albedo and Lommel-Seeliger share."""
     return albedo / (1 + share * (LOMMEL_SEELIGER_BOND - 1))
 
 
 def _gauss_nodes(low: Numbers, high: Numbers) -> tuple[Array, Array]:
-    """Nodes and weights on [low, high] along a last axis, denser at both ends, where laws have peaks and edges."""
+    """Make nodes and weights on [low, high] along a last axis, denser at both ends, where laws have peaks and edges."""
     x, weight = np.polynomial.legendre.leggauss(_GAUSS_NODES)
     t = (x + 1) / 2
     place, slope = t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2
@@ -53,7 +54,7 @@ def _gauss_nodes(low: Numbers, high: Numbers) -> tuple[Array, Array]:
 
 
 def normal_albedo(law: Law) -> float:
-    """Radiance factor I/F of a surface that is lit and seen along its normal."""
+    """Compute the radiance factor I/F of a surface that is lit and seen along its normal."""
     return float(np.pi * law(np.zeros(()), np.zeros(()), np.zeros(())))
 
 
@@ -83,12 +84,13 @@ def hemispherical_albedo(law: Law, incidence: Numbers) -> Array:
 
 
 def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slopes: tuple[float, float]) -> Array:
-    """Coefficients (4, 3, 5) of the hemispherical albedo as a polynomial in cos i, r0 = (1 - γ)/(1 + γ) and t.
+    """Fit the hemispherical albedo by a polynomial in cos i, r0 = (1 - γ)/(1 + γ) and t. Return its coefficients (4, 3,
+    5).
 
-    ``law_of(w, theta_bar)`` is the law with that single-scattering albedo, γ being √(1 - w), and mean slope in
-    radians. ``gammas`` are the values of γ to fit, one or at least three; t goes from -1 to 1 as the mean slope
-    goes from the first to the second of ``slopes``. Over all of them and all angles to 87 degrees the error is
-    about 0.005, and 0.01 if w is 1 or slopes go to 60 degrees.
+    ``law_of(w, theta_bar)`` is the law with this single-scattering albedo w, where γ = √(1 - w), and this mean slope in
+    radians. ``gammas`` are the values of γ to fit, one or at least three. t goes from -1 to 1 as the mean slope goes
+    from the first to the second of ``slopes``. Over all of them and all angles to 87 degrees the error is about 0.005,
+    and 0.01 if w is 1 or slopes go to 60 degrees.
     """
     low, high = slopes
     mu, t = np.linspace(0.05, 1.0, 12), np.linspace(-1.0, 1.0, 7) if high > low else np.zeros(1)
@@ -111,8 +113,9 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
 
 
 def disc_brightness(law: Law, phase: Numbers) -> Array:
-    """Brightness of a sphere at phase angles in radians, relative to a white Lambert disc of its size that faces the
-    observer and the Sun."""
+    """Compute the brightness of a sphere at phase angles in radians, relative to a white Lambert disc of its size that
+    faces the observer and the Sun.
+    """
     alpha = np.atleast_1d(np.asarray(phase, np.float64))
     longitude, along = _gauss_nodes(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
     latitude, across = _gauss_nodes(0.0, np.pi / 2)
@@ -125,18 +128,20 @@ def disc_brightness(law: Law, phase: Numbers) -> Array:
 
 
 def geometric_albedo(law: Law) -> float:
-    """Brightness of a sphere at phase angle 0, relative to a white Lambert disc of its size that faces the observer and
-    the Sun."""
+    """Compute the brightness of a sphere at phase angle 0, relative to a white Lambert disc of its size that faces the
+    observer and the Sun.
+    """
     return float(disc_brightness(law, 0.0))
 
 
 def phase_curve(law: Law, phase: Numbers) -> Array:
-    """Brightness of a sphere at phase angles in radians over that at phase angle 0."""
+    """Compute the brightness of a sphere at phase angles in radians over its brightness at phase angle 0."""
     return disc_brightness(law, phase) / geometric_albedo(law)
 
 
 def equigonal_albedo(law: Law) -> float:
-    """Radiance factor I/F on the mirror meridian, i = e = g/2, extrapolated to g = 0 without the opposition surge.
+    """Compute the radiance factor I/F on the mirror meridian, i = e = g/2, extrapolated to g = 0 without the opposition
+    surge.
 
     The quadratic fit over phase angles g from 10 to 120 degrees is the method of Filacchione et al. 2022 (arXiv
     2111.15541). The result is a reflectance in one geometry, not the albedo of a sphere or a plane.
@@ -147,6 +152,8 @@ def equigonal_albedo(law: Law) -> float:
 
 
 def bond_albedo(law: Law) -> float:
-    """Share of sunlight that a sphere returns, p q; also of light from an even sky that a plane returns."""
+    """Compute the share of sunlight that a sphere returns: p q. A plane returns the same share of light from an even
+    sky.
+    """
     alpha, weight = _gauss_nodes(0.0, np.pi)
     return float(2 * (disc_brightness(law, alpha) * np.sin(alpha)) @ weight)

@@ -4,7 +4,7 @@ The base colour of the Principled surface is not its albedo: specular reflection
 surface has a different albedo, at most 0.92, and transmitted light is lost. The bihemispherical reflectance of a flat
 surface (light from all sides, to all sides) was measured in a white furnace (``python benchmarks furnace``). It is the
 same from Blender 4.3 to 5.0. 4.2 loses less light on steep bumps; 5.2 returns up to 2.4 % less of the light that goes
-under the surface. So each of the three has a table, which is interpolated and inverted here.
+under the surface. So 4.2, 5.0 and 5.2 each have a table, which is interpolated and inverted here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...support.arrays import Array
 
 #: Files of the measured tables by Blender version; ``use_table`` chooses one.
 TABLE_FILES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
-#: Relative difference from which on the real albedo is reported.
+#: Relative difference above which the real albedo is reported.
 REPORTED_FROM = 0.01
 
 
@@ -32,7 +32,7 @@ class _TableInUse:
 
 
 def use_table(blender: str) -> None:
-    """Use the table of a Blender, a key of ``TABLE_FILES``, from now on. The default is the table of 5.0."""
+    """Use the table of a Blender version, a key of ``TABLE_FILES``, from now on. The default is the table of 5.0."""
     _TableInUse.blender = blender
 
 
@@ -47,21 +47,24 @@ def _read_table(name: str) -> dict[str, Array]:
 
 
 def root_f0(refractive_index: float, specular: float) -> float:
-    """Square root of the reflectance at normal incidence, from the refractive index and Blender's specular level. The
-    level scales the reflectance; 0.5 leaves it unchanged."""
+    """Compute the square root of the reflectance at normal incidence, from the refractive index and Blender's specular
+    level. The level scales the reflectance; 0.5 leaves it unchanged.
+    """
     plain = ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2
     return math.sqrt(plain * 2.0 * specular)
 
 
 def lets_light_through(surface: SurfaceSettings) -> bool:
-    """Whether rocks with this surface transmit light."""
+    """Return whether rocks with this surface transmit light."""
     return surface.model == "PRINCIPLED" and surface.transmission > 0.0 and surface.transmitted == "THROUGH"
 
 
 def diffuse_fresnel_reflectance(refractive_index: float) -> float:
-    """Share of light from all sides that a smooth surface of this refractive index reflects, by Fresnel's formula."""
+    """Compute the share of light from all sides that a smooth surface of this refractive index reflects, by Fresnel's
+    formula.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(32)
-    # cos i = x^2 as variable, since reflection rises steeply near grazing.
+    # Substitute cos i = x^2, because reflection rises steeply near grazing.
     x = (nodes + 1) / 2
     mu = x**2
     refracted = np.sqrt(1 - (1 - mu**2) / refractive_index**2)
@@ -71,7 +74,7 @@ def diffuse_fresnel_reflectance(refractive_index: float) -> float:
 
 
 def _interpolate(values: Array, root: float, roughness: float) -> Array:
-    """Bilinear interpolation in the first two axes of a table."""
+    """Interpolate bilinearly in the first two axes of a table."""
     table = _get_table()
 
     def weights(axis: Array, value: float) -> tuple[int, float]:
@@ -85,7 +88,8 @@ def _interpolate(values: Array, root: float, roughness: float) -> Array:
 
 
 def albedo_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
-    """Base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface`` settings.
+    """Return base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface``
+    settings.
 
     Between them the reflectance is linear in the base colour.
     """
@@ -107,8 +111,9 @@ def albedo_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
 
 
 def base_colour_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
-    """Reflectances (n,) from 0 to 1, and the base colours (n,) with these or the nearest possible reflectances; between
-    them the base colour is linear."""
+    """Return reflectances (n,) from 0 to 1, and the base colours (n,) with these or the nearest possible reflectances.
+    Between them the base colour is linear.
+    """
     base, reflectance = albedo_curve(surface)
     # On a flat part of the curve, take its first point.
     rising = np.concatenate([[True], np.diff(reflectance) > 1e-9])
@@ -121,19 +126,20 @@ def base_colour_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
 
 
 def base_colour(surface: SurfaceSettings, albedo: float) -> float:
-    """Base colour, 0 to 1, with the reflectance ``albedo`` or the nearest possible one."""
+    """Find the base colour, 0 to 1, with the reflectance ``albedo`` or the nearest possible one."""
     return float(np.interp(albedo, *base_colour_curve(surface)))
 
 
 def real_albedo(surface: SurfaceSettings) -> float:
-    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the set albedo, or the nearest possible
-    one."""
+    """Find the bihemispherical reflectance of clean, flat ice with ``surface`` settings: the set albedo, or the nearest
+    possible one.
+    """
     _, reflectance = albedo_curve(surface)
     return float(np.clip(surface.albedo, reflectance[0], reflectance[-1]))
 
 
 def advise_on_albedo(surface: SurfaceSettings) -> str:
-    """A sentence if the surface cannot have the set albedo; else empty."""
+    """Return a sentence if the surface cannot have the set albedo; else an empty text."""
     asked, real = float(surface.albedo), real_albedo(surface)
     if abs(real - asked) <= REPORTED_FROM * asked:
         return ""
@@ -144,7 +150,7 @@ def advise_on_albedo(surface: SurfaceSettings) -> str:
 
 
 def _find_largest_loss(surface: SurfaceSettings) -> tuple[str, str]:
-    """A phrase on the largest loss of light at a surface, and the setting to lower."""
+    """Find the largest loss of light at a surface, as a phrase, and the setting to lower."""
     causes = {
         "transmission": "transmitted light is lost",
         "grain_amplitude_m": "steep bumps lose light",

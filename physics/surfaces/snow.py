@@ -1,7 +1,8 @@
 """Reflectance of bright snow on Earth as measured, by asymptotic radiative transfer.
 
 Source: Kokhanovsky and Zege 2004, Applied Optics 43, 1589, with the constants of measured snow in the reflectance of a
-layer without absorption. The reflectance of snow whose grains absorb follows from that and its spherical albedo.
+layer without absorption. The reflectance of snow whose grains absorb follows from that reflectance and the snow's
+spherical albedo.
 """
 
 from __future__ import annotations
@@ -17,30 +18,29 @@ LEVEL = 1.247
 LINEAR = 1.186
 #: Constant C.
 PRODUCT = 5.157
-#: Amplitude, and decay per degree, of the two parts of the phase function.
+#: Amplitude and decay per degree of the two parts of the phase function.
 PHASE_TERMS = ((11.1, 0.087), (1.1, 0.014))
 #: Least sum of the cosines of incidence and emission. Below it, at very grazing angles, the formula is invalid and
 #: grows without limit.
 MIN_COSINE_SUM = 0.2
 #: Largest incidence, in degrees, for which the law is within about 5 % of measurements, off the principal plane.
 LARGEST_INCIDENCE_DEG = 70.0
-#: Largest emission angle of this range.
+#: Largest emission angle, in degrees, of this range.
 LARGEST_EMISSION_DEG = 60.0
 
 
 def escape_function(mu: Numbers) -> Array:
-    """Escape function K of a cosine µ: (3/7)(1 + 2µ); its mean over the hemisphere is 1."""
+    """Compute the escape function of a cosine µ, K = (3/7)(1 + 2µ); its mean over the hemisphere is 1."""
     return np.asarray(3 / 7 * (1 + 2 * np.asarray(mu, np.float64)))
 
 
 def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, albedo: Numbers) -> Array:
-    """Radiance relative to a white Lambert surface in the same light; angles in radians, azimuth 0 on the Sun's side.
+    """Compute the radiance relative to a white Lambert surface in the same light, at angles in radians, azimuth 0 on
+    the Sun's side. ``albedo`` is the spherical albedo, the share of light from all sides that is reflected. The
+    radiance is 0 where the Sun or the observer is below the surface.
 
-    ``albedo`` is the spherical albedo, the share of light from all sides that is reflected. 0 where the Sun or the
-    observer is below the surface.
-
-    Measured to hold within about 5 % for i up to 70 and e up to 60 degrees, off the principal plane. With an
-    albedo of 1 it returns 2 % more light than it receives where the Sun is 10 degrees high, and 8 % at 1 degree.
+    Measurements agree within about 5 % for i up to 70 and e up to 60 degrees, off the principal plane. With an albedo
+    of 1 the law returns 2 % more light than it receives where the Sun is 10 degrees high, and 8 % at 1 degree.
     """
     i, e, psi = (np.asarray(angle, np.float64) for angle in (incidence, emission, azimuth))
     mu0, mu = np.cos(i), np.cos(e)

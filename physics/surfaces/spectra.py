@@ -3,8 +3,8 @@
 Snow is computed from the absorption of pure ice. The other materials are tables, because no spectrum of them at the
 scale of a lander's camera is published. A table has the known facts about the colour; ``Material.source`` states which
 numbers are measured, which are assumed (from memory, without a publication at hand), and which are a guess.
-``validation`` compares snow and the grounds of both moons with published spectra. ``light.bands`` multiplies them with
-sunlight. All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
+``validation`` compares snow and the grounds of both moons with published spectra. ``light.bands`` multiplies spectra
+with sunlight. All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
 """
 
 from __future__ import annotations
@@ -65,22 +65,23 @@ BUBBLE_ASYMMETRY = 0.79
 
 
 def ice_absorption_1_m(wavelength_nm: Numbers) -> Array:
-    """Absorption coefficient 4πk/λ of pure ice in 1/m, interpolated in logarithms; beyond 400 to
-    700 nm, k is constant."""
+    """Compute the absorption coefficient 4πk/λ of pure ice in 1/m, interpolated in logarithms; beyond 400 to 700 nm, k
+    is constant.
+    """
     wavelength = np.asarray(wavelength_nm, np.float64)
     k = np.exp(np.interp(np.log(wavelength), np.log(_ICE_NM), np.log(_ICE_K)))
     return np.asarray(4 * np.pi * k / (wavelength * 1e-9))
 
 
 def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
-    """Reflectance of deep, clean snow in even light: exp(-√(16/3 · (1 - ω)/(1 - g))).
+    """Compute the reflectance of deep, clean snow in even light: exp(-√(16/3 · (1 - ω)/(1 - g))).
 
-    ``grain_radius_m`` is the radius r of spheres of the same surface per mass, 3 / (917 kg/m³ · r). The
+    ``grain_radius_m`` is the radius r of spheres with the snow's surface per mass, SSA = 3 / (917 kg/m³ · r). The
     single-scattering co-albedo is 1 - ω = 2Bα / (917 · SSA) (Kokhanovsky and Zege 2004, Applied Optics 43, 1589; Libois
-    et al. 2013, The Cryosphere 7, 1803). It is accurate while 1 - ω is small, as it is in the visible below a radius of
-    some centimetres. Another program, with the same absorption, agrees within 0.005 for radii of 100 and 500 µm, and is
-    up to 0.059 darker at 700 nm for firn of 2.5 mm. There this formula with twice the radius agrees with it within
-    0.011 (`icymoon validate --only colours`).
+    et al. 2013, The Cryosphere 7, 1803). The formula is accurate while 1 - ω is small, as it is in the visible below a
+    radius of some centimetres. Another program, with the same absorption, agrees within 0.005 for radii of 100 and 500
+    µm, and is up to 0.059 darker at 700 nm for firn of 2.5 mm. For this firn, the formula with twice the radius agrees
+    with it within 0.011 (`icymoon validate --only colours`).
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
@@ -88,7 +89,7 @@ def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
 
 
 def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubble_share: float) -> Array:
-    """Reflectance of deep, clean ice with air bubbles in even light, without reflection at its surface.
+    """Compute the reflectance of deep, clean ice with air bubbles in even light, without reflection at its surface.
 
     It is exp(-4 √(α (1 - f) · 4a/3 / (3 f (1 - g)))): the same asymptotic radiative transfer as for snow, with bubbles
     of radius a and volume share f as scatterers, as in the package snowoptics 0.99.2. g = 0.79 is the asymmetry of
@@ -110,7 +111,7 @@ class Material:
     source: str  # of its numbers: which are published, which are assumed, which are a guess
 
     def reflectance(self, wavelength_nm: Numbers) -> Array:
-        """Reflectances at wavelengths in nm, in their shape."""
+        """Interpolate the reflectances at wavelengths in nm, in the shape of the wavelengths."""
         return np.asarray(np.interp(np.asarray(wavelength_nm, np.float64), self.wavelength_nm, self.values))
 
 
@@ -119,13 +120,15 @@ _COLOUR_NM = (400.0, 460.0, 550.0, 620.0, 700.0)
 
 
 def _make_coloured(title: str, green: float, over_green: tuple[float, float, float, float], source: str) -> Material:
-    """A material with the reflectance ``green`` at 550 nm; ``over_green`` are its other reflectances over that one."""
+    """Make a material with the reflectance ``green`` at 550 nm; ``over_green`` are its other reflectances over
+    ``green``.
+    """
     violet, blue, orange, red = over_green
     return Material(title, _COLOUR_NM, tuple(green * part for part in (violet, blue, 1.0, orange, red)), source)
 
 
 def _make_with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm: float, source: str) -> Material:
-    """A grey material with one Gaussian absorption band."""
+    """Make a grey material with one Gaussian absorption band."""
     wavelength = np.arange(400.0, 701.0, 10.0)
     band = np.exp(-4 * np.log(2) * ((wavelength - centre_nm) / fwhm_nm) ** 2)
     return Material(title, tuple(wavelength.tolist()), tuple((level * (1 - depth * band)).tolist()), source)

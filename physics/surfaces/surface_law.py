@@ -42,7 +42,7 @@ def _compute_albedos(law: photometry.Law) -> Albedos:
 
 
 def find_albedos(surface: SurfaceSettings, hapke: HapkeSettings) -> Albedos | None:
-    """Albedos of ``surface`` settings; None for Principled snow. Those of Hapke's law are cached."""
+    """Compute the albedos of ``surface`` settings; None for Principled snow. The albedos of Hapke's law are cached."""
     if surface.model == "HAPKE":
         return _compute_hapke_albedos(hapke_from_settings(hapke))
     law = make_law(surface, hapke)

@@ -32,8 +32,9 @@ class TextureSet:
 
 
 def _draw_waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> Array:
-    """A periodic random field of unit standard deviation, whose amplitude falls as wave number^-slope between the
-    wavelengths ``shortest`` and ``longest``, in texture widths."""
+    """Draw a periodic random field of unit standard deviation. Its amplitude falls as wave number^-slope between the
+    wavelengths ``shortest`` and ``longest``, in texture widths.
+    """
     k_x, k_y = np.fft.rfftfreq(MAP_SIDE_PX, 1 / MAP_SIDE_PX), np.fft.fftfreq(MAP_SIDE_PX, 1 / MAP_SIDE_PX)
     k = np.hypot(k_x[None, :], k_y[:, None])
     amplitude = np.where((k >= 1 / longest) & (k <= 1 / shortest), np.maximum(k, 1.0) ** -slope, 0.0)
@@ -44,8 +45,10 @@ def _draw_waves(random: np.random.Generator, slope: float, shortest: float, long
 
 
 def _draw_cells(random: np.random.Generator, across: int) -> tuple[Array, Array, Array]:
-    """Distances, in squares, to the nearest and second nearest of across² points, one in each square of a periodic
-    grid, and a random number for each cell."""
+    """Draw across² points, one in each square of a periodic grid, and a random number for each cell around a point.
+    Return, for each pixel, the distances in squares to the nearest and second nearest point, and the number of its
+    cell.
+    """
     jitter, values = random.random((across, across, 2)), random.random((across, across))
     axis = (np.arange(MAP_SIDE_PX) + 0.5) * across / MAP_SIDE_PX
     x, y = axis[None, :], axis[:, None]
@@ -78,7 +81,7 @@ def _pack_maps(height: Array, albedo: Array, roughness: Array) -> TextureSet:
 
 @functools.cache
 def make_maps(name: str) -> TextureSet:
-    """The maps of one of ``SETS``. Raises ValueError for another name."""
+    """Make the maps of one of ``SETS``. Raises ValueError for another name."""
     random = make_generator(_SEED, "surface", SETS.index(name))
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.

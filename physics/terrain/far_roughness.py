@@ -3,9 +3,9 @@
 Relief that is equally rough everywhere looks like ripples of sand from far away: at a grazing view its longest waves
 stand in rows up to the horizon. Measured topography is intermittent instead, rough in places and smooth in others, with
 places of all widths (Gagnon et al. 2006, Nonlinear Processes in Geophysics 13, 541: a codimension C1 of 0.12 on Earth
-down to 40 m). The factor here is that of a log-normal cascade with places from the widest hills to twice the longest
-wave of the ground. Its standard deviation of the logarithm is sqrt(2 C1 ln(ratio of the widths)). That ice of metres on
-the moons follows the law is a guess.
+down to 40 m). The factor here is the factor of a log-normal cascade with places from the widest hills to twice the
+longest wave of the ground. Its logarithm has the standard deviation sqrt(2 C1 ln(ratio of the widths)). That ice of
+metres on the moons follows the law is a guess.
 """
 
 from __future__ import annotations
@@ -29,9 +29,8 @@ _NARROWEST = 2.0
 @dataclass(frozen=True)
 class FarRoughness:
     """A factor on the heights of the random surface and its layers; build it with :func:`make_far_roughness`.
-
-    ``places`` has unit deviation, ``deviation`` is that of the factor's logarithm, and the factor is 1 within
-    ``start_m`` of the origin.
+    ``places`` is the noise, of unit standard deviation, and ``deviation`` the standard deviation of the factor's
+    logarithm. The factor is exactly 1 within ``start_m`` of the origin.
     """
 
     start_m: float
@@ -39,8 +38,9 @@ class FarRoughness:
     places: NoiseLayer
 
     def factor(self, x_m: Array, y_m: Array) -> Array:
-        """The factor at coordinates that broadcast: its mean square is 1, since for normal g that of exp(s g - s²) is
-        1."""
+        """Compute the factor at coordinates that broadcast. Its mean square is 1, because exp(s g - s²) has a mean
+        square of 1 for normal g.
+        """
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
         distance = np.hypot(x_m, y_m)
         beyond, made = distance > self.start_m, np.ones(distance.shape)
@@ -54,8 +54,9 @@ class FarRoughness:
 def make_far_roughness(
     hills: HillsSettings, longest_m: float, random: np.random.Generator, size_m: float
 ) -> FarRoughness | None:
-    """The places around a patch of side ``size_m`` on ground with waves up to ``longest_m``; None where nothing
-    varies."""
+    """Make the places around a patch of side ``size_m`` on ground with waves up to ``longest_m``; None if nothing
+    varies.
+    """
     narrowest = _NARROWEST * longest_m
     if hills.rms_slope_deg == 0.0 or hills.patchiness == 0.0 or hills.largest_m < narrowest:
         return None

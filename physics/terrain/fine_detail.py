@@ -24,10 +24,12 @@ _DIMENSIONS = 3
 def relief_heights_m(
     points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Numbers = 0.0
 ) -> Array:
-    """Heights (n,) in metres of the described roughness at points (n, 3) in metres, in any order. Waves above
-    ``longest_m`` are left out, because the mesh has them already (it is about two of the lengths that the mesh
-    resolves). Waves below ``shortest_m`` (a number, or one per point) are left out, because its vertices cannot carry
-    them. Raises IcyMoonError for contradictory cut-offs."""
+    """Compute the heights (n,) in metres of the described roughness at points (n, 3) in metres, in any order.
+
+    Waves above ``longest_m`` are left out, because the mesh has them already (it is about two of the lengths that the
+    mesh resolves). Waves below ``shortest_m`` (a number, or one per point) are left out, because its vertices cannot
+    carry them. Raises IcyMoonError for contradictory cut-offs.
+    """
     ground = settings.terrain
     wavelength = octave_wavelengths_m(ground)
     random = make_ground_generator(seed, int(ground.variant), 4)
@@ -53,7 +55,7 @@ def relief_heights_m(
 
 
 def _expected_weight(mixing: float) -> float:
-    """RMS of the multifractal weight over normally distributed relief."""
+    """Compute the RMS of the multifractal weight over normally distributed relief."""
     # The relief over its span is normal with a deviation of 1/4 about 1/2, cut at 2 deviations.
     mean_square = 1.0 - mixing + mixing**2 * (0.25 + _CUT_VARIANCE)
     return math.sqrt(mean_square)
@@ -71,6 +73,6 @@ def displace_by_relief(
     longest_m: float = math.inf,
     shortest_m: Numbers = 0.0,
 ) -> Array:
-    """Points (n, 3) moved by ``relief_heights_m`` along their unit ``normals`` (n, 3)."""
+    """Move points (n, 3) by ``relief_heights_m`` along their unit ``normals`` (n, 3)."""
     heights = relief_heights_m(points_m, settings, seed, longest_m, shortest_m)
     return np.asarray(points_m, np.float64) + heights[:, None] * normals

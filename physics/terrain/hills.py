@@ -39,8 +39,9 @@ _SPAN_WAVELENGTHS = 64.0
 
 
 def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Hills around a patch of side ``size_m``, with the patch's level as their mean height; None for a slope of 0.
-    Raises IcyMoonError for contradictory lengths."""
+    """Make hills around a patch of side ``size_m``, with the patch's level as their mean height; None for a slope of 0.
+    Raises IcyMoonError for contradictory lengths.
+    """
     if settings.rms_slope_deg == 0.0:
         return None
     hills = _make_endless_hills(settings, random)
@@ -61,16 +62,18 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
 
 
 def _mean_at_rim_m(hills: NoiseLayer, start_m: float) -> float:
-    """Mean height in metres of endless hills where they rise from the patch, which keeps the site from being a summit
-    or a pit."""
+    """Compute the mean height in metres of endless hills where they rise from the patch, which keeps the site from
+    being a summit or a pit.
+    """
     turn = np.arange(_RIM_AZIMUTHS) * (2.0 * np.pi / _RIM_AZIMUTHS)
     radius = np.geomspace(start_m, _FULL_HEIGHT_AT * start_m, _RIM_AZIMUTHS)[:, None]
     return float(f"{np.mean(hills.heights(radius * np.cos(turn), radius * np.sin(turn))):.9e}")
 
 
 def _make_endless_hills(settings: HillsSettings, random: np.random.Generator) -> NoiseLayer:
-    """Endless hills with the stated RMS slope between points one baseline apart. Their RMS deviation grows by the Hurst
-    exponent up to 0.3 of the largest length."""
+    """Make endless hills with the stated RMS slope between points one baseline apart. Their RMS deviation grows by the
+    Hurst exponent up to 0.3 of the largest length. Raises IcyMoonError for contradictory lengths.
+    """
     largest, smallest, baseline = (float(settings[k]) for k in ("largest_m", "smallest_m", "slope_baseline_m"))
     if smallest > largest:
         raise IcyMoonError(
@@ -108,9 +111,10 @@ def _make_layer(
 
 @functools.lru_cache(maxsize=16)
 def _fit_law(fractal: str, largest_m: float, octaves: int, hurst: float, baseline_m: float) -> tuple[float, float]:
-    """The ratio of successive octaves for which the deviation of heights grows by the exponent, and the deviation of
-    their sum at the baseline, before any factor. It is measured on separate hills, equal for all seeds, and cached for
-    the many grounds of a plan."""
+    """Fit the ratio of successive octaves for which the deviation of heights grows by the exponent. Also return the
+    deviation of their sum at the baseline, before any factor. It is measured on separate hills, equal for all seeds,
+    and cached for the many grounds of a plan.
+    """
     random = np.random.default_rng(0)
     surface = replace(_make_layer(fractal, largest_m, octaves, 0.5, random), factor=1.0)
     x, y = random.uniform(-0.5, 0.5, (2, _POINT_PAIRS)) * (_SPAN_WAVELENGTHS * largest_m)

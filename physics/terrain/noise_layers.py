@@ -30,7 +30,8 @@ _OCTAVE_TURN_RAD = math.radians(37.0)
 @dataclass(frozen=True)
 class NoiseLayer:
     """One layer; build it with :func:`make_layer`. An octave that is left out is held at ``signal_mean``; ``centre``
-    and ``factor`` bring the sum to metres."""
+    and ``factor`` bring the sum to metres.
+    """
 
     basis: str
     fractal: str
@@ -46,7 +47,7 @@ class NoiseLayer:
     factor: float = 1.0
 
     def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
+        """Compute heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
         """
@@ -64,7 +65,7 @@ class NoiseLayer:
         return np.broadcast_to((total - self.centre) * self.factor, shape)
 
     def signal(self, k: int, x_m: Array, y_m: Array) -> Array:
-        """The fractal's signal of octave k."""
+        """Compute the fractal's signal of octave k."""
         wavelength = self.scale_m / self.lacunarity**k
         cos, sin = math.cos(k * _OCTAVE_TURN_RAD) / wavelength, math.sin(k * _OCTAVE_TURN_RAD) / wavelength
         noise = BASES[self.basis](
@@ -73,7 +74,7 @@ class NoiseLayer:
         return FRACTALS[self.fractal].signal(noise)
 
     def _warp_points(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """The points shifted sideways by noise with the layer's scale and the RMS ``warp_m``."""
+        """Shift points sideways by noise with the layer's scale and the RMS ``warp_m``."""
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
         east, north = (
             gradient_noise(
@@ -85,7 +86,7 @@ class NoiseLayer:
 
 
 def make_layer(settings: TerrainLayer, random: np.random.Generator) -> NoiseLayer | None:
-    """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
+    """Make the layer that one entry of ``terrain.layers`` describes; None if it has no height."""
     keys = tuple(int(k) for k in random.integers(0, 2**32, MAX_OCTAVES + 2))
     offsets = random.uniform(0.0, 1024.0, (MAX_OCTAVES + 2, 2))
     if settings.amplitude_m == 0.0:

@@ -1,8 +1,8 @@
 """Outcrops on distant hills: pieces of broken ice that stand out of smoother slopes, in places of all widths.
 
-Where fines cover slopes, what stands higher than the cover is bare. The pieces have the heights that the law of the
-hills states for relief as wide as they are, and a level that varies over places of all widths is their cover: only
-what is above it shows. That ice breaks like this on either moon is a guess.
+Where fines cover slopes, only ice that is higher than the cover is bare. The pieces have the heights that the law of
+the hills states for relief as wide as they are. Their cover is a level that varies over places of all widths, and only
+parts above it show. That ice breaks like this on either moon is a guess.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ _LACUNARITY = 2.0
 
 @dataclass(frozen=True)
 class Outcrops:
-    """Pieces and their cover, both of unit deviation; heights in metres are ``scale_m`` times what is above
-    ``level``."""
+    """Pieces and their cover, both of unit deviation. Heights in metres are ``scale_m`` times the part above
+    ``level``.
+    """
 
     pieces: NoiseLayer
     places: NoiseLayer
@@ -39,7 +40,9 @@ class Outcrops:
     scale_m: float
 
     def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        """Heights in metres above the slopes at coordinates that broadcast, without waves under ``shortest_m``."""
+        """Compute heights in metres above the slopes at coordinates that broadcast, without waves under
+        ``shortest_m``.
+        """
         above = self.pieces.heights(x_m, y_m, shortest_m) - self.level
         above += _COVER * self.places.heights(x_m, y_m, shortest_m)
         risen = np.clip(above + _FEATHER, 0.0, 2.0 * _FEATHER)
@@ -47,7 +50,9 @@ class Outcrops:
 
 
 def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcrops | None:
-    """The outcrops of hills; None where there are none, or where all hills are narrower."""
+    """Make the outcrops of hills; None if the settings ask for none, or if the widest hills are too narrow for places
+    of outcrops.
+    """
     widest, baseline, hurst = float(settings.outcrop_m), float(settings.slope_baseline_m), float(settings.hurst)
     narrowest = _NARROWEST * widest
     if settings.outcrops == 0.0 or not _have_places(settings):
@@ -64,12 +69,12 @@ def make_outcrops(settings: HillsSettings, random: np.random.Generator) -> Outcr
 
 
 def _have_places(settings: HillsSettings) -> bool:
-    """Whether the widest hills are as wide as the narrowest places of outcrops."""
+    """Return whether the widest hills are as wide as the narrowest places of outcrops."""
     return bool(settings.largest_m >= _NARROWEST * settings.outcrop_m)
 
 
 def advise_on_outcrops(settings: HillsSettings) -> list[str]:
-    """A sentence if hills have no place for the outcrops that are asked for; else an empty list."""
+    """Return a sentence, in a list, if hills have no place for the outcrops that are asked for; else an empty list."""
     if settings.outcrops == 0.0 or settings.rms_slope_deg == 0.0 or _have_places(settings):
         return []
     return [

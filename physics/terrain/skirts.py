@@ -2,15 +2,15 @@
 
 A skirt is a cone around the outline of its rock. It falls at the angle of repose and is rounded at its foot, so it
 joins the ground without a crease. Inside the outline it levels out at once: where a rock leans inward, a cone that went
-on would bury its face. A drift is a skirt that slides along the ground behind its rock while
-its height falls to 0; the envelope of its positions has a closed form, and is nowhere steeper than the cone.
+on would bury its face. A drift is a skirt that slides along the ground behind its rock while its height falls to 0; the
+envelope of its positions has a closed form, and is nowhere steeper than the cone.
 
 Where the two highest skirts are nearly equally high, they merge smoothly; a third has no effect. Merged skirts are up
-to 1 + ``_MERGED`` / 4 times as steep as one, so a single skirt is less steep than repose by that factor, and none is
-steeper than repose.
+to 1 + ``_MERGED`` / 4 times as steep as one skirt. A single skirt is therefore less steep than repose by that factor,
+and no skirts are steeper than repose.
 
-The outline counts as a capsule, whose distance is exact: a segment with a radius. Skirts are added to the ground and
-do not follow its small relief. Rocks lie on the ground without skirts, so none climbs on its own skirt.
+The outline counts as a capsule, a segment with a radius, because its distance is exact. Skirts are added to the ground
+and do not follow its small relief. Rocks lie on the ground without skirts, so none climbs on its own skirt.
 
 Angles of repose: about 40 degrees for angular and 25 for rounded grains, the same at 0.1, 0.38 and 1 g; the angle at
 which a slope fails is 5 degrees higher at 0.1 g (Kleinhans et al. 2011, J. Geophys. Res. 116, E11004). In snow,
@@ -46,8 +46,9 @@ _MERGED = 0.2
 @dataclass(frozen=True)
 class _Cells:
     """Skirts (entries,) by square cells ``side_m`` wide, none smaller than a skirt. Cells are numbered modulo
-    ``across`` along both axes, so the table is as small as the number of skirts, wherever they lie; the skirts of cell
-    k are ``skirts[first[k] : first[k + 1]]``. ``widest_m`` is the largest width of a skirt."""
+    ``across`` along both axes, so the table is as small as the number of skirts, wherever they lie. The skirts of cell
+    k are ``skirts[first[k] : first[k + 1]]``. ``widest_m`` is the largest width of a skirt.
+    """
 
     side_m: float
     across: int
@@ -56,7 +57,7 @@ class _Cells:
     widest_m: float
 
     def list_pairs(self, x: Array, y: Array, shortest: Array) -> Iterator[tuple[Array, Array]]:
-        """Indices of points (n,) and of skirts that may reach them, in parts with each point at most once."""
+        """Yield indices of points (n,) and of skirts that may reach them, in parts with each point at most once."""
         cell = _number_cells(x, y, self.side_m, self.across)
         start = self.first[cell]
         count = np.where(2.0 * self.widest_m > shortest, self.first[cell + 1] - start, 0)
@@ -95,7 +96,8 @@ class Skirts:
     cells: tuple[_Cells, ...]
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres of the skirts above the ground, at east and north coordinates (arrays that broadcast).
+        """Compute heights in metres of the skirts above the ground, at east and north coordinates (arrays that
+        broadcast).
 
         A skirt that is too narrow for a mesh with the shortest wavelength ``shortest_m`` (a number, or one per point)
         is lower, or left out, as small landforms are.
@@ -117,12 +119,12 @@ class Skirts:
         return _merge(highest, second).reshape(shape)
 
     def _is_near(self, skirts: Array, x: Array, y: Array) -> Array:
-        """Whether each point (n,) is in the circle around a skirt, which most points of its cells are not."""
+        """Return whether each point (n,) is in the circle around a skirt, which most points of its cells are not."""
         east, north = x - self.middle_m[skirts, 0], y - self.middle_m[skirts, 1]
         return np.asarray(east * east + north * north < self.reach_m[skirts] ** 2)
 
     def _measure_rise(self, skirts: Array, x: Array, y: Array) -> Array:
-        """Height (n,) of one skirt at each point."""
+        """Compute the height (n,) of one skirt at each point."""
         height, radius = self.height_m[skirts], self.radius_m[skirts]
         east, north = x - self.places_m[skirts, 0], y - self.places_m[skirts, 1]
         across = self.along[skirts, 0] * north - self.along[skirts, 1] * east
@@ -135,8 +137,9 @@ class Skirts:
         return _round_foot(top - _round_foot(top - cone, _TOP * height), _FOOT * height)
 
     def _measure_drift(self, behind: Array, beside: Array, radius: Array, height: Array) -> Array:
-        """Height (n,) of drifts before their feet are rounded: the greatest of cones around discs of this ``radius``
-        that move up to ``length`` behind the rock, while their height falls to 0."""
+        """Compute the height (n,) of drifts before their feet are rounded: the greatest height of cones around discs of
+        this ``radius`` that move up to ``length`` behind the rock, while their height falls to 0.
+        """
         length = self.drift * height / self.slope
         cosine = 1.0 / self.drift  # of the angle between the drift and the way to the nearest point of the best disc
         sine = math.sqrt(1.0 - cosine**2)
@@ -151,13 +154,17 @@ class Skirts:
 
 
 def _round_foot(rise: Array, rounded: Array) -> Array:
-    """The larger of a height and 0, with a parabola in place of the crease where the height is within ``rounded``."""
+    """Return the larger of a height and 0, with a parabola in place of the crease where the height is within
+    ``rounded``.
+    """
     low = np.maximum(rise + rounded, 0.0)
     return np.where(rise >= rounded, rise, low * low / (4.0 * rounded))
 
 
 def _merge(highest: Array, second: Array) -> Array:
-    """The larger of two heights, raised smoothly where they are nearly equal; ``highest`` where ``second`` is 0."""
+    """Return the larger of two heights, raised smoothly where they are nearly equal; ``highest`` where ``second``
+    is 0.
+    """
     near = _MERGED / 2.0 * (highest + second)
     over = np.maximum(near - (highest - second), 0.0)
     return np.asarray(highest + over * over / (4.0 * np.where(near > 0.0, near, 1.0)))
@@ -171,7 +178,8 @@ def make_skirts(
     beyond: ViewBeyond | None = None,
     most_seen: int | None = None,
 ) -> Skirts | None:
-    """The skirts of the rocks that ``scatter_rocks`` places for the same arguments; None if the settings ask for none.
+    """Make the skirts of the rocks that ``scatter_rocks`` places for the same arguments; None if the settings ask for
+    none.
 
     Raises IcyMoonError if a file of the rocks cannot be read.
     """
@@ -182,7 +190,7 @@ def make_skirts(
 
 
 def make_skirts_of_scene(settings: Settings, seed: int) -> Skirts | None:
-    """The skirts on the procedural ground of complete settings; None on ground from a file."""
+    """Make the skirts on the procedural ground of complete settings; None on ground from a file."""
     if settings.source.kind != "PROCEDURAL":
         return None
     rocks, rig = settings.rocks, settings.rig
@@ -191,7 +199,9 @@ def make_skirts_of_scene(settings: Settings, seed: int) -> Skirts | None:
 
 
 def advise_on_skirts(settings: Settings) -> list[str]:
-    """A sentence if the settings ask for skirts on ground from a file, which has none; else an empty list."""
+    """Return a sentence, in a list, if the settings ask for skirts on ground from a file, which has none; else an empty
+    list.
+    """
     rocks = settings.rocks
     if settings.source.kind == "PROCEDURAL" or rocks.coverage == 0.0 or rocks.skirt == 0.0:
         return []
@@ -219,7 +229,7 @@ _make_once = functools.lru_cache(maxsize=4)(_make_skirts)
 
 
 def build_skirts(of: Footprints, rocks: RocksSettings) -> Skirts | None:
-    """The skirts of rocks with these outlines; None without rocks."""
+    """Build the skirts of rocks with these outlines; None without rocks."""
     slope = math.tan(math.radians(rocks.skirt_repose_deg)) / (1.0 + _MERGED / 4.0)
     # Sines and roots differ between machines in the last bit of a double; rounded values do not.
     long, short, height, east, north = (
@@ -251,8 +261,9 @@ def build_skirts(of: Footprints, rocks: RocksSettings) -> Skirts | None:
 
 
 def _sort_into_cells(low: Array, high: Array, width: Array) -> tuple[_Cells, ...]:
-    """Cells for skirts within boxes from ``low`` (n, 2) to ``high`` (n, 2): for each size of boxes, by factors of two,
-    cells that are as large, so that a box meets at most four of them."""
+    """Sort skirts within boxes from ``low`` (n, 2) to ``high`` (n, 2) into cells. Each size of boxes, by factors of
+    two, has cells that are as large, so that a box meets at most four of them.
+    """
     size = np.ceil(np.log2((high - low).max(axis=1))).astype(np.int64)
     found = []
     for exponent in np.unique(size):

@@ -17,10 +17,10 @@ _DISTANCE_RATIO = 1.01
 def find_skyline_deg(
     ground: Terrain, site_m: tuple[float, float], azimuth_deg: float, body_radius_m: float, farthest_m: float
 ) -> float:
-    """Elevation in degrees of the highest ground outside the patch, seen from the ground at the site.
+    """Find the elevation in degrees of the highest ground outside the patch, seen from the ground at the site.
 
-    ``azimuth_deg`` is from north over east. The body falls away as a parabola, which is within 0.1 % of a sphere out
-    to a tenth of its radius.
+    ``azimuth_deg`` is from north over east. The body falls away as a parabola, which is within 0.1 % of a sphere out to
+    a tenth of its radius.
     """
     start = ground.size_m * math.sqrt(0.5)
     farthest = max(min(farthest_m, 0.1 * body_radius_m), 2.0 * start)
@@ -32,8 +32,9 @@ def find_skyline_deg(
 
 
 def advise_on_skyline(settings: Settings, toward_sun: Array, sun_diameter_deg: float) -> list[str]:
-    """A sentence if distant hills hide the Sun, in the direction of a unit vector (3,), from the site; else an empty
-    list."""
+    """Return a sentence, in a list, if distant hills hide the Sun, in the direction of a unit vector (3,), from the
+    site; else an empty list.
+    """
     elevation = math.degrees(math.asin(float(np.clip(toward_sun[2], -1.0, 1.0))))
     if settings.hills.rms_slope_deg == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return []

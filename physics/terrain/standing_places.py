@@ -30,8 +30,9 @@ _NO_CIRCLE = 0.0, 0.0, -math.inf
 
 @dataclass(frozen=True)
 class EyeSurroundings:
-    """Obstacles at the right eyes of n cameras: the height in metres of each above the ground (negative below it), and
-    whether it is in a rock."""
+    """Obstacles at the right eyes of n cameras. ``above_m`` is the height in metres of each eye above the ground
+    (negative below it), and ``in_rock`` is true if it is in a rock.
+    """
 
     above_m: Array
     in_rock: Array
@@ -52,7 +53,7 @@ class RockyGround:
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
     def heights(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """Heights in metres at east and north coordinates; NaN where there is no ground."""
+        """Compute heights in metres at east and north coordinates; NaN where there is no ground."""
         return self._limit_to_ground(self.ground, x_m, y_m)
 
     def _limit_to_ground(self, ground: Terrain, x_m: Numbers, y_m: Numbers) -> Array:
@@ -61,7 +62,7 @@ class RockyGround:
 
     @cached_property
     def shapes(self) -> Sequence[Sequence[RockShape]]:
-        """The shapes that rocks are chosen from."""
+        """The shapes from which rocks are chosen."""
         return find_rock_shapes(self.settings.rocks, int(self.settings.dataset.seed))
 
     @cached_property
@@ -81,7 +82,9 @@ class RockyGround:
         )
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        """Distance in metres on the map to the nearest rock; negative over a rock, infinite without rocks."""
+        """Compute the distance in metres on the map to the nearest rock; negative over a rock, infinite without
+        rocks.
+        """
         rocks = self.rocks
         if rocks is None or not len(rocks.reach_m):
             return math.inf
@@ -89,9 +92,11 @@ class RockyGround:
         return float((away - rocks.reach_m).min())
 
     def eyes(self, x_m: Array, y_m: Array, height_m: Array, aside_m: Array) -> EyeSurroundings:
-        """The surroundings of the right eyes of n cameras whose left eyes are ``height_m`` above the ground.
+        """Find the surroundings of the right eyes of n cameras whose left eyes are ``height_m`` above the ground.
+
         ``aside_m`` (n, 3) are the vectors from the left to the right eyes. Heights are NaN outside the ground. A left
-        eye is in no rock, because the build removes rocks around it."""
+        eye is in no rock, because the build removes rocks around it.
+        """
         x, y = x_m + aside_m[:, 0], y_m + aside_m[:, 1]
         eye = self.heights(x_m, y_m) + height_m + aside_m[:, 2]
         inside = [
@@ -113,7 +118,7 @@ class RockyGround:
         return any(self._contains(rocks, k, eye_m) for k in np.flatnonzero(near & stays))
 
     def _contains(self, rocks: Rocks, k: int, point_m: Array) -> bool:
-        """Whether a point is behind all faces of a rock; shapes are convex but for the lumps of boulders."""
+        """Return whether a point is behind all faces of a rock; shapes are convex but for the lumps of boulders."""
         shape = self.shapes[rocks.level[k]][rocks.shape[k]]
         turn = euler_matrices(rocks.rotation[k : k + 1])[0]
         local = (point_m - rocks.position_m[k]) @ turn / rocks.scale_m[k]
@@ -138,7 +143,7 @@ class RockyGround:
 
 
 def make_rocky_ground(settings: Settings) -> RockyGround:
-    """Ground and rocks of complete settings with ``source.kind`` PROCEDURAL.
+    """Make ground and rocks of complete settings with ``source.kind`` PROCEDURAL.
 
     Raises IcyMoonError where the settings contradict each other.
     """

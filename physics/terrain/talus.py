@@ -73,9 +73,10 @@ FindHeights = Callable[[Array, Array, Numbers], Array]
 
 @dataclass(frozen=True)
 class Talus:
-    """The talus of a patch. ``key`` are the settings and the seed that decide it, as JSON; ``find_hard`` returns
-    heights of the ground before it fails, ``find_rough`` heights of its random part. Nothing is computed before it is
-    needed, and equal keys share one result."""
+    """The talus of a patch. ``key`` has the settings and the seed that determine it, as JSON. ``find_hard`` returns
+    heights of the ground before it fails, and ``find_rough`` heights of its random part. Nothing is computed before it
+    is needed, and equal keys share one result.
+    """
 
     size_m: float
     strength: Strength
@@ -88,7 +89,7 @@ class Talus:
     find_rough: FindHeights = field(repr=False, compare=False)
 
     def make_grid(self, square: float) -> Grid:
-        """The grid on which the ground of a square fails, whose side is ``square`` times the side of the patch."""
+        """Make the grid on which the ground of a square fails, whose side is ``square`` times the side of the patch."""
         return Grid(_SIDE, (1.0 + 2.0 * _MARGIN) * square * self.size_m / _SIDE)
 
     @property
@@ -99,12 +100,13 @@ class Talus:
 
     @property
     def fallen(self) -> FallenGround | None:
-        """The ground of the patch that has failed; None if all of it stands."""
+        """The ground of the patch after it has failed; None if all of it stands."""
         return _find_fallen(self, _SQUARES[0])
 
     def settle(self, hard_m: Array, x_m: Array, y_m: Array, shortest_m: Numbers) -> tuple[Array, Array]:
-        """Heights of the hard ground that stands and thicknesses of the talus on it, at places with heights ``hard_m``
-        before, all arrays of one shape; ``shortest_m`` as of ``Terrain.heights``."""
+        """Compute the heights of the hard ground that stands and the thicknesses of the talus on it, at places with
+        heights ``hard_m`` before, all arrays of one shape; ``shortest_m`` is as in ``Terrain.heights``.
+        """
         shape = hard_m.shape
         hard, x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (hard_m, x_m, y_m))
         shortest = np.broadcast_to(shortest_m, shape).reshape(-1)
@@ -125,12 +127,14 @@ class Talus:
         return left.reshape(shape), loose.reshape(shape)
 
     def _find_fine(self, shortest_m: Array, longest_m: float, x_m: Array, y_m: Array, which: Array) -> Array:
-        """Heights of the random part of the ground with wavelengths up to ``longest_m``, at the places ``which``."""
+        """Compute the heights of the random part of the ground with wavelengths up to ``longest_m``, at the places
+        ``which``.
+        """
         carried = shortest_m[which]
         return self.find_rough(x_m, y_m, carried) - self.find_rough(x_m, y_m, np.maximum(carried, longest_m))
 
     def find_cohesion_share(self, grid: Grid) -> Numbers:
-        """Cohesion at the points of a grid over the cohesion of strong ground."""
+        """Compute the cohesion at the points of a grid over the cohesion of strong ground."""
         if self.weakness == 0.0 or self.wall_m == 0.0:
             return 1.0
         noise = np.zeros((grid.side, grid.side))
@@ -144,7 +148,7 @@ class Talus:
 
 @functools.lru_cache(maxsize=6)
 def _find_fallen(talus: Talus, square: float) -> FallenGround | None:
-    """The ground of a square that has failed, once for all grounds with the same key."""
+    """Find the ground of a square after it has failed, once for all grounds with the same key."""
     grid = talus.make_grid(square)
     x, y = np.broadcast_arrays(grid.axis_m[None, :], grid.axis_m[:, None])
     # One wavelength for each point keeps landforms whole; a single one leaves out those that a grid cannot carry.
@@ -153,8 +157,9 @@ def _find_fallen(talus: Talus, square: float) -> FallenGround | None:
 
 
 def make_talus(settings: Settings, seed: int, find_hard: FindHeights, find_rough: FindHeights) -> Talus | None:
-    """The talus of complete settings and the seed of their data set; None if they ask for none, or for ground from a
-    file. For the functions of heights see ``Talus``. Raises IcyMoonError if the gravity of the moon is unknown."""
+    """Make the talus of complete settings and the seed of their data set; None if they ask for none, or for ground from
+    a file. For the functions of heights see ``Talus``. Raises IcyMoonError if the gravity of the moon is unknown.
+    """
     asked: TalusSettings = settings.talus
     if asked.share == 0.0 or settings.source.kind != "PROCEDURAL":
         return None
@@ -175,7 +180,7 @@ def make_talus(settings: Settings, seed: int, find_hard: FindHeights, find_rough
 
 
 def advise_on_talus(talus: Talus | None) -> list[str]:
-    """A sentence if no ground is steep enough to fail; else an empty list."""
+    """Return a sentence, in a list, if no ground is steep enough to fail; else an empty list."""
     if talus is None or talus.fallen is not None:
         return []
     return [

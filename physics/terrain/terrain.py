@@ -1,9 +1,9 @@
 """The ground: heights by position, summed over the parts that the settings name.
 
-A random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
-(``landforms``) on a regional slope, with hills (``hills``) to the horizon; ``talus`` where ground has failed; snow in
-the hollows, and ``skirts`` at the feet of rocks. Any points, any order: the height of a place does not depend on the
-mesh, but for the wavelengths that the mesh cannot carry.
+The parts are a random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
+(``landforms``) on a regional slope, and hills (``hills``) to the horizon. There is ``talus`` where ground has failed,
+snow in the hollows, and ``skirts`` at the feet of rocks. Points may come in any number and order: the height of a place
+does not depend on the mesh, except for the wavelengths that the mesh cannot carry.
 """
 
 from __future__ import annotations
@@ -67,31 +67,31 @@ class Terrain:
     talus: Talus | None = field(default=None, repr=False)
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres at east and north coordinates (arrays that broadcast).
+        """Compute heights in metres at east and north coordinates (arrays that broadcast).
 
-        Waves shorter than ``shortest_m`` (a number, or one per point) are left out: a mesh with
-        vertices d apart cannot carry wavelengths below 2 d, and would show them as noise of other
-        statistics.
+        Waves shorter than ``shortest_m`` (a number, or one per point) are left out. A mesh with vertices d apart cannot
+        carry wavelengths below 2 d, and would show them as noise of other statistics.
         """
         return _compute_by_tiles(self._compute_tile, x_m, y_m, shortest_m)
 
     def measure_loose(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Thicknesses in metres, along the vertical, of loose material at the same heights: talus, mantle, skirts.
+        """Measure thicknesses in metres, along the vertical, of loose material at the same heights: talus, mantle,
+        skirts.
 
         For the arguments see ``heights``, which are lower by these thicknesses without loose material.
         """
         return _compute_by_tiles(self._compute_loose_tile, x_m, y_m, shortest_m)
 
     def with_sharp_crests(self) -> Terrain:
-        """The same ground with sharp crests, for a mesh that has edges along the crests of its landforms."""
+        """Return the same ground with sharp crests, for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
     def without_skirts(self) -> Terrain:
-        """The same ground without skirts, on which rocks lie."""
+        """Return the same ground without skirts, on which rocks lie."""
         return replace(self, skirts=None) if self.skirts else self
 
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """Heights of one tile of points."""
+        """Compute the heights of one tile of points."""
         total, talus = self._find_settled(x, y, shortest_m)
         if talus is not None:
             total += talus
@@ -104,7 +104,7 @@ class Terrain:
         return total
 
     def _compute_loose_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """Thicknesses of loose material at one tile of points."""
+        """Compute the thicknesses of loose material at one tile of points."""
         loose = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
         if self.talus or self.mantle_thickness_m:
             total, talus = self._find_settled(x, y, shortest_m)
@@ -118,8 +118,10 @@ class Terrain:
         return loose
 
     def _find_settled(self, x: Array, y: Array, shortest_m: Numbers) -> tuple[Array, Array | None]:
-        """Heights, m, of the hard ground that stands, without the regional slope, and thicknesses of the talus on it;
-        None without talus. A uniform mesh that leaves out a share of a landform leaves out as much of its talus."""
+        """Find the heights, m, of the hard ground that stands, without the regional slope, and the thicknesses of the
+        talus on it; None without talus. A uniform mesh that leaves out a share of a landform leaves out as much of its
+        talus.
+        """
         hard = self._sum_hard(x, y, shortest_m)
         if self.talus is None:
             return hard, None
@@ -141,12 +143,12 @@ class Terrain:
         return total
 
     def _measure_mantle(self, hard_m: Array, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """Thickness, m, of the mantle on ground of the heights ``hard_m``."""
+        """Measure the thickness, m, of the mantle on ground of the heights ``hard_m``."""
         smooth = self._sum_ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
         return snow_depth_m(smooth + (self.mantle_level_m - hard_m), self.mantle_thickness_m, self.mantle_feather_m)
 
     def _regional_slope(self, x: Array, y: Array) -> Array:
-        """The regional slope: a plane on the patch, which levels out beyond it at twice the patch's height."""
+        """Compute the regional slope: a plane on the patch, which levels out beyond it at twice the patch's height."""
         rise = self.slope_east * x + self.slope_north * y
         end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
         beyond = np.maximum(np.abs(rise) - end, 0.0)
@@ -164,14 +166,14 @@ class Terrain:
         return total
 
     def _find_rough(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """Heights, m, of the random surface and its layers."""
+        """Compute the heights, m, of the random surface and its layers."""
         return sum((each.heights(x, y, shortest_m) for each in self.layers), self.base.heights(x, y, shortest_m))
 
 
 def _compute_by_tiles(
     compute: Callable[[Array, Array, Numbers], Array], x_m: Numbers, y_m: Numbers, shortest_m: Numbers
 ) -> Array:
-    """The values that ``compute`` finds for tiles of points, at coordinates that broadcast."""
+    """Compute the values that ``compute`` finds for tiles of points, at coordinates that broadcast."""
     x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
     shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
     if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
@@ -208,7 +210,7 @@ def _order_by_place(x: Array, y: Array) -> Array:
 
 
 def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Terrain:
-    """The ground of complete settings and of the seed of their data set, with the skirts of its rocks or without.
+    """Make the ground of complete settings and of the seed of their data set, with the skirts of its rocks or without.
 
     Raises IcyMoonError where lengths contradict each other, or where a file of rocks with skirts cannot be read.
     """
@@ -250,13 +252,13 @@ def make_terrain(settings: Settings, seed: int, with_skirts: bool = True) -> Ter
 
 @functools.lru_cache(maxsize=16)
 def _make_layer(values: tuple[tuple[str, Any], ...], seed: int, variant: int, number: int) -> NoiseLayer | None:
-    """The layer of an entry's ``values``, kept for the next ground."""
+    """Make the layer of an entry's ``values``, kept for the next ground."""
     return make_layer(TerrainLayer.from_values(values), make_ground_generator(seed, variant, 2, number))
 
 
 @functools.lru_cache(maxsize=4)
 def _make_hills(values: tuple[tuple[str, Any], ...], seed: int, variant: int, size_m: float) -> Landform | None:
-    """The hills of the settings' ``values``, kept for the next ground."""
+    """Make the hills of the settings' ``values``, kept for the next ground."""
     return make_hills(HillsSettings.from_values(values), make_ground_generator(seed, variant, 4), size_m)
 
 
@@ -264,13 +266,13 @@ def _make_hills(values: tuple[tuple[str, Any], ...], seed: int, variant: int, si
 def _make_far_roughness(
     values: tuple[tuple[str, Any], ...], longest_m: float, seed: int, variant: int, size_m: float
 ) -> FarRoughness | None:
-    """The places of unlike roughness of the hills' ``values``, kept for the next ground."""
+    """Make the places of unlike roughness of the hills' ``values``, kept for the next ground."""
     random = make_ground_generator(seed, variant, 6)
     return make_far_roughness(HillsSettings.from_values(values), longest_m, random, size_m)
 
 
 def _level_mantle(made: Terrain) -> Terrain:
-    """The terrain with its mantle at the mean height of the landforms on the patch."""
+    """Return the terrain with its mantle at the mean height of the landforms on the patch."""
     axis = np.linspace(-made.size_m / 2, made.size_m / 2, _MEAN_GRID_SIDE)
     x, y = axis[None, :], axis[:, None]
     mean = sum(float(np.mean(landform.heights(x, y, 0.0))) for landform in made.landforms)
@@ -278,12 +280,14 @@ def _level_mantle(made: Terrain) -> Terrain:
 
 
 def law_range_m(ground: TerrainSettings) -> tuple[float, float]:
-    """Shortest and longest distance over which ``terrain`` settings ask for the power law."""
+    """Return the shortest and the longest distance over which ``terrain`` settings ask for the power law."""
     return LAW_FROM * ground.inner_scale_m, LAW_TO * ground.outer_scale_m
 
 
 def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
-    """Share of the stated RMS deviation that a mesh loses, at three times the shortest wavelength that it carries."""
+    """Compute the share of the stated RMS deviation that a mesh loses, at three times the shortest wavelength that it
+    carries.
+    """
     wavelength = octave_wavelengths_m(ground)
     lag = 3 * shortest_m
     if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
@@ -293,8 +297,9 @@ def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
 
 
 def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
-    """Sentences about features of the ground that a mesh with the shortest wavelength ``shortest_m`` cannot show; else
-    an empty list."""
+    """List sentences about features of the ground that a mesh with the shortest wavelength ``shortest_m`` cannot
+    show.
+    """
     ground, notes = settings.terrain, []
     finer = "raise terrain.resolution" if settings.mesh.kind == "GRID" else "lower mesh.edge_px"
     finest = max(ground.inner_scale_m, shortest_m)
@@ -334,14 +339,13 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
 
 
 def snow_depth_m(below_m: Array, thickness_m: float, feather_m: float = 0.0) -> Array:
-    """Metres of plume fall-out or frost on ground that lies ``below_m`` under its smoothed surroundings (negative:
-    above).
+    """Compute the depth in metres of plume fall-out or frost on ground that lies ``below_m`` under its smoothed
+    surroundings (negative: above).
 
-    Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between:
-    e - e²/4T up to e = 2T, then T. With a feather w the snow starts at e = -w, without a crease, with a depth that the
-    same law finds from (e + w)²/4w in place of e up to e = w. So what the ground has around the edge of the snow shows
-    through it, ever lower toward the hollow, as thin snow damps the roughness under it (Veitinger et al. 2014, The
-    Cryosphere 8, 547).
+    Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between: the depth is e -
+    e²/4T up to e = 2T, then T. With a feather w the snow starts at e = -w, without a crease; up to e = w, the same law
+    takes (e + w)²/4w in place of e. So the relief around the edge of the snow shows through it, ever lower toward the
+    hollow, as thin snow damps the roughness under it (Veitinger et al. 2014, The Cryosphere 8, 547).
     """
     if thickness_m == 0.0:
         return np.zeros_like(below_m)

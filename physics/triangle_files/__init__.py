@@ -1,1 +1,1 @@
-"""Triangles from STL and OBJ files, for the rooms that need no Blender."""
+"""Triangles from STL and OBJ files, for the modules that need no Blender."""

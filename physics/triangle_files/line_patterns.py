@@ -1,4 +1,4 @@
-"""Checks large mesh files fast, by the few patterns that their many lines of numbers have.
+"""Check large mesh files fast, by the few patterns of their many lines of numbers.
 
 A pattern is a line with each run of digits replaced by one 0. Whether the words of a line are numbers depends neither
 on the digits nor on their count. A large mesh has few patterns, so the patterns are checked instead of millions of
@@ -14,7 +14,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes
 
-#: Bytes that are processed together, which fit the processor's cache.
+#: Number of bytes that are processed together; they fit the processor's cache.
 _BYTES_AT_ONCE = 2**16
 #: Maximum number of patterns that are kept.
 _MAX_PATTERNS = 10_000
@@ -26,11 +26,11 @@ _DIGITS_TO_ZERO = bytes.maketrans(b"123456789", b"0" * 9)
 
 
 class UnusualTextError(Exception):
-    """A text that must be checked line by line."""
+    """Raised for a text that must be checked line by line."""
 
 
 def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
-    """A text from byte ``start`` on, in parts that end with a line.
+    """Yield a text from byte ``start`` on, in parts that end with a line.
 
     Raises UnusualTextError where lines may be longer than ``LONGEST_LINE_BYTES``, or do not end in \\n.
     """
@@ -49,13 +49,13 @@ def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
 
 
 class LineRows:
-    """The lines of a text from byte ``start`` on, in groups of the number of rows of each table."""
+    """The lines of a text from byte ``start`` on, taken in groups, one for each table."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
         self._parts, self._rest = read_whole_lines(foreign, start), b""
 
     def take(self, count: int) -> Iterator[bytes]:
-        """The next ``count`` lines, many at a time. Raises UnusualTextError if there are fewer."""
+        """Yield the next ``count`` lines, many at a time. Raises UnusualTextError if there are fewer."""
         while count:
             text = self._rest or next(self._parts, b"")
             if not text:
@@ -85,7 +85,7 @@ def reduce_digits(text: bytes) -> bytes:
 
 
 def _has_long_exponent(values: Array, is_digit: Array) -> bool:
-    """Whether three digits follow an e, with or without a sign between them."""
+    """Return whether three digits follow an e anywhere, with or without a sign between them."""
     three = is_digit[:-2] & is_digit[1:-1] & is_digit[2:]
     exponent = (values | 0x20) == ord("e")
     sign = (values == ord("+")) | (values == ord("-"))
@@ -102,7 +102,7 @@ class LinePatterns:
         self._check, self._known = check, set[bytes]()
 
     def check_lines(self, text: bytes) -> None:
-        """Check the lines of a reduced text. Raises UnusualTextError for one that ``check`` does not pass."""
+        """Check the lines of a reduced text. Raises UnusualTextError for a line that ``check`` does not pass."""
         for pattern in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
             try:
                 self._check(pattern.removesuffix(b"\r"))

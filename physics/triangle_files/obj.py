@@ -21,12 +21,13 @@ _MAX_LIBRARIES = 100
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
-    """Vertices (n, 3) in the file's unit, and triangles (m, 3); a polygon becomes a fan. Raises ValueError, with the
-    line, for a malformed file. Raises RefusedError for more than ``most`` triangles or three times as many vertices, as
-    soon as they are read."""
+    """Parse the vertices (n, 3) in the file's unit, and the triangles (m, 3); a polygon becomes a fan. Raises
+    ValueError, with the line, for a malformed file. Raises RefusedError for more than ``most`` triangles or three times
+    as many vertices, as soon as they are read.
+    """
     numbers, corners = array("d"), array("q")
     most_vertices = 3 * most
-    farthest, at = 0, 0  # the highest number of a vertex that a face has, and the line of that face
+    farthest, at = 0, 0  # the highest vertex number in a face, and the line of this face
     for number, line in foreign.lines():
         words = line.split()
         if not words:
@@ -64,8 +65,8 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
 
 
 def check_statements(foreign: ForeignBytes) -> list[bytes]:
-    """Check that Blender's importer reads a file of any size correctly: it turns malformed coordinates into zeros and
-    omits faces. Returns the names of the file's material libraries.
+    """Check that Blender's importer, which turns malformed coordinates into zeros and omits faces, reads a file of any
+    size correctly. Return the names of the file's material libraries.
 
     Raises ValueError, with the line, if the file is malformed.
     """
@@ -122,8 +123,9 @@ def _add_library(libraries: list[bytes], line: bytes) -> None:
 
 
 def _parse_index(word: bytes, count: int, number: int) -> int:
-    """The 0-based vertex index of a corner such as 7/1/2 of a face, after ``count`` vertices. The file counts from 1,
-    or back from -1, the last vertex."""
+    """Parse the 0-based vertex index of a corner such as 7/1/2 of a face, after ``count`` vertices. The file counts
+    from 1, or back from -1, the last vertex. Raises ValueError, with the line, for another index.
+    """
     try:
         index = int(word.partition(b"/")[0])
     except ValueError:

@@ -15,14 +15,14 @@ from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, red
 from .obj import parse_vertex
 
 _TRIANGLE_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-#: Bytes of text at the begin of a binary file.
+#: Number of bytes of text at the start of a binary file.
 _TEXT_BYTES = 80
-#: Bytes before the triangles of a binary file: the text and the number of triangles.
+#: Number of bytes before the triangles of a binary file: the text and the number of triangles.
 _HEADER_BYTES = 84
 
 
 def count_triangles(foreign: ForeignBytes) -> int | None:
-    """The number of triangles of a binary file; None for any other file."""
+    """Return the number of triangles of a binary file; None for any other file."""
     head = foreign.part(0, min(foreign.size, _HEADER_BYTES))
     count = int.from_bytes(head[_TEXT_BYTES:], "little") if len(head) == _HEADER_BYTES else -1
     # A binary file may begin with "solid" too; only its size tells.
@@ -30,9 +30,10 @@ def count_triangles(foreign: ForeignBytes) -> int | None:
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
-    """Corners (3 n, 3) float64 and triangles (n, 3).
+    """Parse the corners (3 n, 3) float64 and the triangles (n, 3).
 
-    Raises ValueError if the file is malformed, RefusedError for more than ``most`` triangles as soon as they are read.
+    Raises ValueError if the file is malformed, and RefusedError for more than ``most`` triangles as soon as they are
+    read.
     """
     count = count_triangles(foreign)
     if count is None:
@@ -67,7 +68,7 @@ def _read_ascii(foreign: ForeignBytes, most: int) -> Array:
 
 
 def check_statements(foreign: ForeignBytes) -> None:
-    """Check that Blender's importer reads a file of any size correctly: it turns malformed numbers into zeros.
+    """Check that Blender's importer, which turns malformed numbers into zeros, reads a file of any size correctly.
 
     Raises ValueError, with the line, if the file is malformed.
     """
@@ -92,8 +93,7 @@ def _is_vertex(line: bytes) -> bool:
 
 
 def _count_vertices(foreign: ForeignBytes) -> int:
-    """The number of vertices of a text with valid lines in the usual form. Raises UnusualTextError for any other
-    text."""
+    """Count the vertices of a text with valid lines in the usual form. Raises UnusualTextError for any other text."""
     if not foreign.part(0, min(foreign.size, _TEXT_BYTES)).lstrip(b" \t").lower().startswith(b"solid"):
         raise UnusualTextError
     patterns, count = LinePatterns(_check_line), 0

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ...physics.arm.kinematics import rigid_transform, rotation_about
+from ...physics.arm.kinematics import make_rigid_transform, rotation_about
 from ...physics.camera.rotations import from_vector, to_vector
 from ...support.arrays import Array
 
@@ -78,9 +78,9 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
 def _find_best_start(surface: Array, points: Array) -> Array:
     """Find the start motion (4, 4) of a surface (n, 6) from which the steps reach the best fit to points (m, 3)."""
     few = points[:: math.ceil(len(points) / _START_POINTS)]
-    moved = rigid_transform(None, np.median(points, axis=0))
+    moved = make_rigid_transform(None, np.median(points, axis=0))
     turns = [rotation_about(sign * axis, math.radians(_START_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
-    starts = [np.eye(4), moved, *(moved @ rigid_transform(each, np.zeros(3)) for each in turns)]
+    starts = [np.eye(4), moved, *(moved @ make_rigid_transform(each, np.zeros(3)) for each in turns)]
     reached = [_fit_motion(surface, few, start, _START_STEPS)[0] for start in starts]
     misfits = np.array([_measure_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
@@ -128,7 +128,7 @@ def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, f
     off = np.append(to_vector(motion[:3, :3]), motion[:3, 3])
     before = np.repeat([_PRIOR_TURN_RAD, _PRIOR_SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
-    return rigid_transform(from_vector(solved[:3]), solved[3:]), left
+    return make_rigid_transform(from_vector(solved[:3]), solved[3:]), left
 
 
 def _transform_cloud(cloud: Array, motion: Array) -> Array:

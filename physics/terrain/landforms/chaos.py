@@ -45,7 +45,7 @@ _CHIP_WIDTHS = (0.09, 0.16, 0.26)
 
 
 def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``."""
+    """Make plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``; None without relief."""
     keys = [draw_key(random) for _ in range(13 + len(_CHIP_WIDTHS))]
     relief, plate, gap, edges = settings.relief_m, settings.plate_m, settings.gap_m, settings.edges
     rough, share = settings.matrix_m / _MATRIX_RMS[edges], settings.plate_share
@@ -79,7 +79,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
 
 
 def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
-    """Three octaves of gradient noise."""
+    """Sum three octaves of gradient noise."""
     return sum(
         (0.5**k * sample_shifted_noise(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
         start=np.zeros(()),
@@ -87,7 +87,7 @@ def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
 
 
 def _fragment_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
-    """Heights of tilted fragments of three sizes; smaller ones lie between and on larger ones."""
+    """Compute the heights of tilted fragments of three sizes; smaller fragments lie between and on larger ones."""
     return sum(
         (
             width / _FRAGMENT_WIDTHS[0] * facet_heights(u / width, v / width, _FRAGMENT_SLOPE, key)

@@ -24,7 +24,9 @@ _ROUNDING_M = 1e-9
 
 
 def check_landform(plugin: Plugin) -> Iterator[Check]:
-    """Checks of a landform at its defaults, with its size at 1 or its largest, and at both ends of each setting."""
+    """Yield checks of a landform at its defaults, with its size at 1 or its largest, and at both ends of each
+    setting.
+    """
     first, landform = check_making(
         "it has height(x, y, settings), and its settings are declared", lambda: read_landform(plugin)
     )
@@ -62,7 +64,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
 
 
 def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
-    """Checks that the height at a point does not depend on the other points."""
+    """Yield checks that the height at a point does not depend on the other points."""
     yield check_fault(
         "the same points have the same heights again",
         lambda: _describe_difference(

@@ -44,7 +44,9 @@ _FRAGMENT_SLOPE = 2.2
 
 
 def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
+    """Make cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side.
+    None without depth and rims.
+    """
     keys = [draw_key(random) for _ in range(6 + len(_CHIP_WIDTHS))]
     depth, half, rim = settings.depth_m, settings.width_m / 2, settings.rim_m
     if depth == 0.0 and rim == 0.0:
@@ -76,7 +78,7 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
 
 
 def _fallen_fragment_heights(x: Array, y: Array, keys: Sequence[int]) -> Array:
-    """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
+    """Compute the height of the fragments on the floor as a share of the depth; coordinates are in half widths."""
     return sum(
         (
             high * np.maximum(facet_heights(x / size, y / size, _FRAGMENT_SLOPE, key) - buried, 0.0)

@@ -27,9 +27,10 @@ _WIPED_RADII = 0.8
 
 
 def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m: float) -> Array:
-    """Centres x, y, diameters and freshness (4, n) of the craters, largest first. They cover the stated share of the
-    patch and of a border as wide as the largest crater's ejecta. Raises IcyMoonError for more than ``most`` craters, or
-    if the smallest diameter is above the largest."""
+    """Draw centres x, y, diameters and freshness (4, n) of the craters, largest first. They cover the stated share of
+    the patch and of a border as wide as the largest crater's ejecta. Raises IcyMoonError for more than ``most``
+    craters, or if the smallest diameter is above the largest.
+    """
     smallest, largest, index = (float(settings[k]) for k in ("smallest_m", "largest_m", "power_index"))
     if smallest > largest:
         raise IcyMoonError(
@@ -52,7 +53,7 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
 
 
 def crater_profile(r: Array, depth: float, rim: float) -> Array:
-    """Height at distances ``r`` from the centre in radii; ``depth`` is from rim to floor."""
+    """Compute the height at distances ``r`` from the centre in radii; ``depth`` is from rim to floor."""
     beyond = 1.0 / np.maximum(r, 1.0) ** 3
     end = 1.0 / _EJECTA_RADII**3
     outside = rim * np.maximum(beyond - end, 0.0) / (1.0 - end)
@@ -60,7 +61,9 @@ def crater_profile(r: Array, depth: float, rim: float) -> Array:
 
 
 def make(settings: CratersSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Craters on the patch; smaller ones lie on larger ones and wipe out their relief."""
+    """Make craters on the patch; smaller craters lie on larger ones and wipe out their relief. None without
+    coverage.
+    """
     if settings.coverage == 0.0:
         return None
     x, y, size, fresh = draw_craters(settings, random, size_m)
@@ -101,8 +104,9 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
 
 
 def _height_change_m(bowl: Array, dx: Array, dy: Array, before: Array, shortest_m: Array) -> Array:
-    """Change in metres, by a crater, of the heights ``before``. ``bowl`` are its diameter, its depth and the height of
-    its rim."""
+    """Compute the change in metres, by a crater, of the heights ``before``. ``bowl`` has its diameter, its depth and
+    the height of its rim.
+    """
     size, depth, rim = bowl
     r = np.sqrt(dx * dx + dy * dy) * (2.0 / size)
     made = crater_profile(r, depth, rim) - before * (1.0 - smooth_step((r - _WIPED_RADII) / (1.5 - _WIPED_RADII)))
@@ -110,18 +114,18 @@ def _height_change_m(bowl: Array, dx: Array, dy: Array, before: Array, shortest_
 
 
 def _reached(centre: Array, reach: Array, points: Array) -> Array:
-    """Whether craters reach the range of the points along one axis."""
+    """Return whether craters reach the range of the points along one axis."""
     return (centre + reach > points.min()) & (centre - reach < points.max())
 
 
 def _find_window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> tuple[slice, slice] | Array:
-    """Index of the points within a square about a centre; slices if the strides show a grid."""
+    """Find the index of the points within a square about a centre; slices if the strides show a grid."""
     if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
         return _find_span(y_m[:, 0], y - reach, y + reach), _find_span(x_m[0], x - reach, x + reach)
     return (np.abs(x_m - x) < reach) & (np.abs(y_m - y) < reach)
 
 
 def _find_span(axis: Array, low: float, high: float) -> slice:
-    """The slice that contains all values of ``axis`` between two bounds, in any order."""
+    """Find the slice that contains all values of ``axis`` between two bounds, in any order."""
     inside = np.flatnonzero((axis > low) & (axis < high))
     return slice(inside[0], inside[-1] + 1) if inside.size else slice(0)

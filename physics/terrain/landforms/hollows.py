@@ -26,7 +26,7 @@ _CREST_SLOPE = 3.0
 
 
 def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
+    """Make hollows between rims at the level of the ground, the deepest ``depth_m`` deep; None without depth."""
     keys = [draw_key(random) for _ in range(4)]
     depth, diameter = settings.depth_m, settings.diameter_m
     crest = _CREST_SLOPE * depth * settings.crest_m / diameter

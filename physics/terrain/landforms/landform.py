@@ -1,4 +1,4 @@
-"""Code that the landforms share: their interface, rotated coordinates, steps."""
+"""Code that the landforms share: their interface, rotated coordinates, and steps."""
 
 from __future__ import annotations
 
@@ -52,41 +52,48 @@ class Landform:
     walls: Walls | None = None
 
     def with_sharp_crests(self) -> Landform:
-        """The landform for a mesh that has edges along its crests."""
+        """Return the landform for a mesh that has edges along its crests."""
         return replace(self, heights=self.crests.heights) if self.crests else self
 
     def resolved_share(self, shortest_m: Numbers) -> Numbers:
-        """Share of the heights on a mesh whose shortest wavelength is ``shortest_m``: 1 if the smallest length spans at
-        least 1.5 vertex spacings, 0 if it spans one or less. The share changes smoothly, so that a mesh that gets
-        coarser shows no step."""
+        """Compute the share of the heights on a mesh whose shortest wavelength is ``shortest_m``: 1 if the smallest
+        length spans at least 1.5 vertex spacings, 0 if it spans one or less. The share changes smoothly, so that a mesh
+        that gets coarser shows no step.
+        """
         return resolved_share(2.0 * self.finest_m, shortest_m)
 
 
 def draw_key(random: np.random.Generator) -> int:
-    """A 32-bit key for a lattice noise."""
+    """Draw a 32-bit key for a lattice noise."""
     return int(random.integers(0, 2**32))
 
 
 def rotate_coordinates(x_m: Array, y_m: Array, azimuth_deg: float) -> tuple[Array, Array]:
-    """Coordinates along an azimuth (clockwise from north) and to the right of it, as full arrays."""
+    """Rotate coordinates: return them along an azimuth (clockwise from north) and to the right of it, as full
+    arrays.
+    """
     sin, cos = math.sin(math.radians(azimuth_deg)), math.cos(math.radians(azimuth_deg))
     return sin * x_m + cos * y_m, cos * x_m - sin * y_m
 
 
 def smooth_step(t: Array) -> Array:
-    """Cubic step from 0 at 0 to 1 at 1, constant outside."""
+    """Compute the cubic step from 0 at 0 to 1 at 1, constant outside."""
     t = np.clip(t, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
 def sample_shifted_noise(u: Array, v: Array, key: int) -> Array:
-    """Gradient noise of full arrays, shifted by a fraction so that a feature's origin is not a lattice point."""
+    """Sample the gradient noise of full arrays, shifted by a fraction so that a feature's origin is not a lattice
+    point.
+    """
     return gradient_noise(u + 0.37, v + 0.61, key)
 
 
 def facet_heights(u: Array, v: Array, side: float, key: int) -> Array:
-    """Flat, tilted tops at random heights between 0 and about 1, one in each Voronoi cell of width 1, as of broken ice.
-    At the edges of the cells they fall to 0, with the slope ``side`` or less. ``u`` and ``v`` are in facets."""
+    """Compute the heights of flat, tilted tops, as of broken ice, at random levels between 0 and about 1, one in each
+    Voronoi cell of width 1. At the edges of the cells they fall to 0, with the slope ``side`` or less. ``u`` and ``v``
+    are in facets.
+    """
     cells = find_voronoi_cells(u, v, key)
     high = cells.random(key ^ 1)
     # The tilt turns with the height's later digits, so that no further random number is needed.
@@ -96,7 +103,7 @@ def facet_heights(u: Array, v: Array, side: float, key: int) -> Array:
 
 
 def evaluate_where(mask: Array, of: Callable[..., Array], *coordinates: Array) -> Array:
-    """Values of a function of coordinates where a mask of their shape is set, 0 elsewhere."""
+    """Evaluate a function of coordinates where a mask of their shape is set; 0 elsewhere."""
     result = np.zeros(mask.shape)
     if mask.any():
         result[mask] = of(*(np.broadcast_to(c, mask.shape)[mask] for c in coordinates))
@@ -112,9 +119,10 @@ def broken_step(
     chips: Sequence[float],
     keys: Sequence[int],
 ) -> Array:
-    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it. It has a ledge for
-    each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to 0.4 of their width.
-    All lengths have the unit of ``distance``, ``u`` and ``v``."""
+    """Compute a step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it. It has a
+    ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to 0.4 of
+    their width. All lengths have the unit of ``distance``, ``u`` and ``v``.
+    """
 
     def ledges(behind: Array, u: Array, v: Array) -> Array:
         total = np.zeros(behind.shape)

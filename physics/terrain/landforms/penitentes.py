@@ -50,8 +50,9 @@ _SHARP_UP_TO = 0.2
 
 
 def _random_along_row(place: Array, row: Array, key: int) -> Array:
-    """Random numbers in [0, 1] along each row, linear between integer positions, since broken ice has pointed
-    crests."""
+    """Draw random numbers in [0, 1] along each row, linear between integer positions, because broken ice has pointed
+    crests.
+    """
     first = np.floor(place)
     index = first.astype(np.int64)
     low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))
@@ -59,7 +60,7 @@ def _random_along_row(place: Array, row: Array, key: int) -> Array:
 
 
 def _crest_height(along: Array, row: Array, variation: float, keys: Sequence[int]) -> Array:
-    """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends.
+    """Compute the height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends.
 
     ``along`` is in lengths of blades.
     """
@@ -73,7 +74,7 @@ def _crest_height(along: Array, row: Array, variation: float, keys: Sequence[int
 
 
 def _group_height(x: Array, y: Array, disorder: float, key: int) -> Numbers:
-    """Height of a group of blades relative to the tallest group; ``x`` and ``y`` are in group widths."""
+    """Compute the height of a group of blades relative to the tallest group; ``x`` and ``y`` are in group widths."""
     if not disorder:
         return 1.0
     u, v = np.broadcast_arrays(x, y)
@@ -82,15 +83,16 @@ def _group_height(x: Array, y: Array, disorder: float, key: int) -> Numbers:
 
 
 def _blade_height(distance: Array, edge: Array, sharpness: float) -> Array:
-    """Height of a blade between its crest, at distance 0, and its trough, at 1. A mesh cannot carry a sharp edge and
-    would show it as a saw, so the crest is rounded over ``edge``, which follows from the spacing."""
+    """Compute the height of a blade between its crest, at distance 0, and its trough, at 1. A mesh cannot carry a sharp
+    edge and would show it as a saw, so the crest is rounded over ``edge``, which follows from the spacing.
+    """
     distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
     rounded = 1.0 - smooth_step(distance)
     return rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
 
 
 def make(settings: PenitentesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Penitentes with the set height from trough to crest, above the ground."""
+    """Make penitentes with the set height from trough to crest, above the ground; None without height."""
     keys = [draw_key(random) for _ in range(7)]
     height, spacing = settings.height_m, settings.spacing_m
     if height == 0.0:
@@ -101,8 +103,9 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     lean = min(lean, _MAX_LEAN - _CREST_OFFSET)
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
-        """Offset of a point from its row's crest, in spacings; the position of the crest, the row, and the distance
-        along it."""
+        """Compute the offset of a point from its row's crest, in spacings; the position of the crest, the row, and the
+        distance along it.
+        """
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
         wide, narrow = sample_shifted_noise(u, v, keys[4]), sample_shifted_noise(2.3 * u, 2.3 * v, keys[5])
@@ -126,7 +129,9 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         return height * tallest * blade * _crest_height(along / length, index, settings.variation, keys)
 
     def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        """Heights in metres, with crests rounded only where the mesh is too coarse for an edge along the crest."""
+        """Compute heights in metres, with crests rounded only where the mesh is too coarse for an edge along the
+        crest.
+        """
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP_UP_TO * spacing), 0.0, shortest_m))
 
     crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)

@@ -63,8 +63,9 @@ _DEBRIS_BEYOND_TOE = 1.0
 
 
 def _measure_distance_inside(u: Array, v: Array, square_m: float, radius_m: float, keys: Sequence[int]) -> Array:
-    """Distance in metres to the rim of round pits, one in each square, positive in a pit; ``u`` and ``v`` are in
-    squares."""
+    """Measure the distance in metres to the rim of round pits, one in each square, positive in a pit; ``u`` and ``v``
+    are in squares.
+    """
     column, row = (np.floor(a).astype(np.int64) for a in (u, v))
     deepest = np.full(u.shape, -np.inf)
     reach = math.ceil(_LARGEST_RADIUS * radius_m / square_m)
@@ -84,8 +85,9 @@ def _measure_distance_inside(u: Array, v: Array, square_m: float, radius_m: floa
 def _talus_height(
     amount: float, depth: float, keys: Sequence[int], x: Array, y: Array, from_wall: Array, bare: Array
 ) -> Array:
-    """Height of the talus at a place, as a share of the depth; ``from_wall`` is the distance from
-    the foot of the wall."""
+    """Compute the height in metres of the talus at a place, above the ``bare`` ground; ``from_wall`` is the distance
+    from the foot of the wall.
+    """
     uneven = sum(
         sample_shifted_noise(x / (length * depth), y / (length * depth), keys[5] ^ k)
         for k, length in enumerate(_APRON_WAVELENGTHS)
@@ -106,7 +108,9 @@ def _talus_height(
 
 
 def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Pits ``depth_m`` deep on a share ``coverage`` of the ground, from rim to rim."""
+    """Make pits ``depth_m`` deep on a share ``coverage`` of the ground, from rim to rim; None without depth or
+    coverage.
+    """
     keys = [draw_key(random) for _ in range(7)]
     depth, radius = settings.depth_m, settings.diameter_m / 2
     if depth == 0.0 or settings.coverage == 0.0:
@@ -118,7 +122,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
     add_talus = partial(_talus_height, settings.talus, depth, keys)
 
     def inside_m(x_m: Array, y_m: Array) -> Array:
-        """Distance to the rim, positive in a pit; exact near the rims of round pits."""
+        """Compute the distance to the rim in metres, positive in a pit; exact near the rims of round pits."""
         x, y = np.broadcast_arrays(x_m, y_m)
         for k, length in enumerate(_BEND_WAVELENGTHS):
             amount = _BEND_SIZE * radius * length / _BEND_WAVELENGTHS[0]

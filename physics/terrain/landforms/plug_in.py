@@ -1,4 +1,4 @@
-"""Landforms of packages that the user installed; they follow our own."""
+"""Landforms of packages that the user installed; they follow the built-in ones."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from .landform import Landform
 
 
 def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random.Generator]) -> dict[str, Landform]:
-    """The landforms of plug-ins that are on, by the name of their table, in alphabetical order. ``generator`` returns
-    the random generator of a landform from its number. Raises IcyMoonError for a landform that this Python lacks or has
-    in another version."""
+    """Make the landforms of plug-ins that are on, by the name of their table, in alphabetical order. ``generator``
+    returns the random generator of a landform from its number. Raises IcyMoonError for a landform that this Python
+    lacks or has in another version.
+    """
     usable, _ = load_landform_plugins()
     made = {}
     for topic in sorted(key for key in settings if key.startswith(PREFIX)):

@@ -25,7 +25,7 @@ _WANDER_WAVELENGTH = 2.5
 
 
 def ridge_profile(place: Array, trough: float) -> Array:
-    """Height across a ridge, 1 at the crests, at distances ``place`` from the middle in half widths."""
+    """Compute the height across a ridge, 1 at the crests, at distances ``place`` from the middle in half widths."""
     place = np.abs(place)
     inner = 1.0 - trough * (1.0 - place / _CREST_PLACE)
     down = np.clip((1.0 - place) / (1.0 - _CREST_PLACE), 0.0, 1.0)
@@ -33,13 +33,15 @@ def ridge_profile(place: Array, trough: float) -> Array:
 
 
 def distance_to_edges(place: Array) -> Array:
-    """Signed distance, in half widths, to the nearest edge across a ridge; the edges are both crests and the trough."""
+    """Compute the signed distance, in half widths, to the nearest edge across a ridge; the edges are both crests and
+    the trough.
+    """
     far = np.abs(place)
     return np.where(far < _CREST_PLACE / 2, place, np.sign(place) * (_CREST_PLACE - far))
 
 
 def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Sets of parallel ridges in different directions, each crossing the sets before it."""
+    """Make sets of parallel ridges in different directions, each crossing the sets before it; None without height."""
     most = 6
     keys = [draw_key(random) for _ in range(2 * most)]
     turns = random.uniform(-1.0, 1.0, most)
@@ -52,7 +54,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     loose = 1.0 - width / spacing
 
     def one_set(k: int, x_m: Array, y_m: Array) -> Array:
-        """Distance to the ridge of the set's strip, in half widths."""
+        """Compute the distance to the ridge of the set's strip, in half widths."""
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
         place = across / spacing + _RIDGE_WANDER * sample_shifted_noise(
             along / (_WANDER_WAVELENGTH * spacing), across / (4 * spacing), keys[2 * k]

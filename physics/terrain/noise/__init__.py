@@ -1,1 +1,1 @@
-"""Noise that terrain is made of: on a lattice, between random points, and sums of octaves."""
+"""Noise of which terrain is made: on a lattice, between random points, and sums of octaves."""

@@ -68,7 +68,7 @@ def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Numbers:
 
 
 def sum_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """The product of (1 + octave): smooth plains between rough heights."""
+    """Multiply the factors (1 + octave): smooth plains between rough heights."""
     total = 1.0 + signal(0)
     for k in range(1, octaves):
         total = total * (1.0 + roughness**k * signal(k))
@@ -76,7 +76,7 @@ def sum_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers
 
 
 def sum_hetero_terrain(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """Hetero terrain: each octave scaled by the height so far, so that low ground is smooth."""
+    """Sum octaves that are each scaled by the height so far, so that low ground is smooth (hetero terrain)."""
     total = signal(0)
     for k in range(1, octaves):
         total = total + roughness**k * signal(k) * total
@@ -84,7 +84,7 @@ def sum_hetero_terrain(signal: Octaves, octaves: int, roughness: float) -> Numbe
 
 
 def sum_hybrid_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """Hybrid multifractal: the octave before scales each octave, so valleys are smooth at all heights."""
+    """Sum octaves that are each scaled by the octave before, so that valleys are smooth at all heights."""
     total = weight = signal(0)
     for k in range(1, octaves):
         weight = np.minimum(weight, 1.0)
@@ -95,7 +95,7 @@ def sum_hybrid_multifractal(signal: Octaves, octaves: int, roughness: float) -> 
 
 
 def sum_ridged_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """Ridged multifractal: sharp crests where the noise passes zero, rough near crests only."""
+    """Sum octaves to sharp crests where the noise passes zero; the sum is rough near crests only."""
     total = part = signal(0)
     for k in range(1, octaves):
         part = signal(k) * np.clip(part, 0.0, 1.0)

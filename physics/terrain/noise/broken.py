@@ -72,7 +72,9 @@ def _find_pieces(h: Array) -> tuple[Array, ...]:
 
 
 def _compute_heights(east: Array, north: Array, piece: Array) -> Array:
-    """Heights (n,) above the floor of numbered pieces at places (n,) from their middles; negative beside them."""
+    """Compute the heights (n,) of numbered pieces above the floor, at offsets (n,) from their middles; negative outside
+    the piece.
+    """
     kind, height = np.divmod(piece, _HEIGHTS)
     lowest = _MIDDLES.take(height)
     lowest += _PLANES[:, 0, 0].take(kind) * east

@@ -46,7 +46,7 @@ def _mix_bits(h: Array) -> Array:
 
 
 def hash_lattice(ix: Array, iy: Array, key: int) -> Array:
-    """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
+    """Hash integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key to well mixed uint32."""
     return _hash_scaled(_scale(ix, _COLUMN_FACTOR), _scale(iy, _ROW_FACTOR), key)
 
 
@@ -55,19 +55,19 @@ def _scale(index: Array, factor: int) -> Array:
 
 
 def _hash_scaled(column: Array, row: Array, key: int) -> Array:
-    """``hash_lattice`` of coordinates after ``_scale``."""
+    """Hash coordinates after ``_scale``, as ``hash_lattice`` does."""
     h: Array = column ^ row
     h += np.uint32(key & _WORD)
     return _mix_bits(h)
 
 
 def to_uniform(h: Array) -> Array:
-    """Numbers in [0, 1) from hashes."""
+    """Convert hashes to numbers in [0, 1)."""
     return h * (1.0 / 2**32)
 
 
 def quintic_fade(t: Array) -> Array:
-    """Perlin's quintic step 6 t⁵ - 15 t⁴ + 10 t³, from 0 at 0 to 1 at 1."""
+    """Compute Perlin's quintic step 6 t⁵ - 15 t⁴ + 10 t³, from 0 at 0 to 1 at 1."""
     result = 6.0 * t
     result -= 15.0
     result *= t
@@ -95,7 +95,7 @@ class LatticeCells:
 
     @classmethod
     def of(cls, x: Array, y: Array, key: int, reach: int = 0) -> LatticeCells:
-        """The cells of points in lattice units; values at corners from -reach to reach + 1 are available."""
+        """Find the cells of points in lattice units; values at corners from -reach to reach + 1 are available."""
         left, below = np.floor(x), np.floor(y)
         dx, dy = x - left, y - below
         x_min, y_min = float(left.min()) - reach, float(below.min()) - reach
@@ -114,11 +114,13 @@ class LatticeCells:
         return cls(dx, dy, left, below, key, reach, place.astype(np.intp), int(width), hashes)
 
     def squares(self, who: Array | slice) -> tuple[Array, Array]:
-        """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
+        """Return the column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
         return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
 
     def make_corner_reader(self, function: Callable[[Array], tuple[Array, ...]]) -> Callable[[int, int], list[Array]]:
-        """``f(i, j)`` gives the arrays of a function of the hash at the corner (i, j) from each point's cell."""
+        """Make a function ``f(i, j)`` that returns the arrays of a function of the hash at the corner (i, j) from each
+        point's cell.
+        """
         if self._index is None or self._hashes is None:
             ix, iy = self.squares(slice(None))
             column, row = _scale(ix, _COLUMN_FACTOR), _scale(iy, _ROW_FACTOR)
@@ -148,10 +150,10 @@ def _find_value(h: Array) -> tuple[Array]:
 
 
 def gradient_noise(x: Array, y: Array, key: int) -> Array:
-    """Noise of zero mean, unit wavelength and about unit range (|value| <= 1).
+    """Compute noise of zero mean, unit wavelength and about unit range (|value| <= 1).
 
-    ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape.
-    Continuous with continuous second derivatives, zero at lattice points.
+    ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape. The noise is
+    continuous, with continuous second derivatives, and zero at lattice points.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     gradients = cells.make_corner_reader(_find_gradients)
@@ -175,7 +177,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
 
 
 def cell_noise(x: Array, y: Array, key: int) -> Array:
-    """A random value in [-1, 1) for each unit square."""
+    """Compute a random value in [-1, 1) for each unit square."""
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     (value,) = cells.make_corner_reader(_find_value)(0, 0)
     value *= 2.0
@@ -184,10 +186,10 @@ def cell_noise(x: Array, y: Array, key: int) -> Array:
 
 
 def value_noise(x: Array, y: Array, key: int) -> Array:
-    """Values in [-1, 1) at lattice points, linear between them.
+    """Compute noise with values in [-1, 1) at lattice points, linear between them.
 
-    Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random
-    displacement at points that the coarser octaves only interpolated.
+    Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random displacement at points that
+    the coarser octaves only interpolated.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     values = cells.make_corner_reader(_find_value)
@@ -197,7 +199,7 @@ def value_noise(x: Array, y: Array, key: int) -> Array:
 
 
 def gradient_noise_3d(points: Array, key: int) -> Array:
-    """Gradient noise at points (n, 3) in lattice units, for surfaces that are no height field."""
+    """Compute gradient noise at points (n, 3) in lattice units, for surfaces that are no height field."""
     base = np.floor(points)
     cell = base.astype(np.int64)
     near = points - base

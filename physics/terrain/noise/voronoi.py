@@ -29,8 +29,9 @@ def _find_point(h: Array) -> tuple[Array, Array]:
 @dataclass(frozen=True)
 class Voronoi:
     """The nearest point of each position. ``x1``, ``y1`` are the position relative to that point, ``f1`` is its
-    distance and ``f2`` the distance of the second nearest point, all in lattice units and in the shape of the
-    positions."""
+    distance, and ``f2`` the distance of the second nearest point, all in lattice units and in the shape of the
+    positions.
+    """
 
     x1: Array
     y1: Array
@@ -42,13 +43,14 @@ class Voronoi:
     _points: Callable[[int, int], list[Array]]
 
     def random(self, key: int) -> Array:
-        """A number in [0, 1) for each position that all positions of a cell share."""
+        """Compute a number in [0, 1) for each position; all positions of a cell share it."""
         return to_uniform(hash_lattice(self._column, self._row, key))
 
     def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> Array:
-        """Distance to the nearest edge of the cell, in the unit of ``length_x`` and ``length_y``, the sides of a
-        lattice square. Only points of the 5 x 5 squares around a position are tested: the distance is exact below 0.29
-        lattice squares, and seldom too large above."""
+        """Compute the distance to the nearest edge of the cell, in the unit of ``length_x`` and ``length_y``, the sides
+        of a lattice square. Only points of the 5 x 5 squares around a position are tested: the distance is exact below
+        0.29 lattice squares, and seldom too large above.
+        """
         x1, y1, square = self.x1.ravel(), self.y1.ravel(), self.f1.ravel() ** 2
         nearest = np.full(square.size, np.inf)
         for i, j in _NEAR_SQUARES + _OUTER_SQUARES:
@@ -73,8 +75,9 @@ class Voronoi:
 
 
 def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Array]:
-    """Find the positions for which the 3 x 3 squares may lack one of the two nearest points, judged by the squared
-    distances ``nearest`` (2, n) within them; also return each such position's square (column, row)."""
+    """Find the positions whose 3 x 3 squares may lack one of the two nearest points; ``nearest`` (2, n) are the squared
+    distances found so far. Return their indices, and the column and row of the square of each.
+    """
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
     margin += 1.0
     unsure = np.flatnonzero(nearest[1] > margin * margin)
@@ -83,7 +86,9 @@ def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Arr
 
 
 def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
-    """Distances F1 and F2 to the two nearest random points, as in ``find_voronoi_cells`` at half its cost."""
+    """Compute the distances F1 and F2 to the two nearest random points, as in ``find_voronoi_cells`` at half its
+    cost.
+    """
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
     points = cells.make_corner_reader(_find_point)
@@ -116,7 +121,7 @@ def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
 
 
 def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
-    """The nearest of the random points, one in each unit square, to positions in lattice units."""
+    """Find the nearest of the random points, one in each unit square, to positions in lattice units."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
     points = cells.make_corner_reader(_find_point)

@@ -1,1 +1,1 @@
-"""Roughness: slopes over distances, and random surfaces that have them."""
+"""Roughness: slopes over distances, and random surfaces that have these slopes."""

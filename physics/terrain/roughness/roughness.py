@@ -51,8 +51,9 @@ _MIN_VARIANCE_SHARE = 0.01
 
 
 def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
-    """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm, with
-    ratios of at most the lacunarity. Raises IcyMoonError for contradictory cut-offs."""
+    """Compute the wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the
+    logarithm, with ratios of at most the lacunarity. Raises IcyMoonError for contradictory cut-offs.
+    """
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
     if inner > outer:
         raise IcyMoonError(
@@ -76,9 +77,10 @@ def _fit_squared_amplitudes(
     high: Array,
     cross: Array | None = None,
 ) -> Array:
-    """Squared amplitudes between ``low`` and ``high`` for which ``model @ squares`` (plus the cross terms of the first
-    octaves) has the ratios of ``target``. The start is ``squares``. Multiplicative updates keep every amplitude
-    positive."""
+    """Fit squared amplitudes between ``low`` and ``high`` for which ``model @ squares`` (plus the cross terms of the
+    first octaves) has the ratios of ``target``. The start is ``squares``. Multiplicative updates keep every amplitude
+    positive.
+    """
     long = 0 if cross is None else cross.shape[1]
     for _ in range(_FIT_STEPS):
         made = model @ squares
@@ -92,8 +94,9 @@ def _fit_squared_amplitudes(
 
 
 def _law_factor_squared(hurst: float, lacunarity: float, dimensions: int) -> float:
-    """Square of the factor c for which a complete range of octaves with amplitudes c wavelength^H sums to nu(dx) =
-    dx^H."""
+    """Compute the square of the factor c for which a complete range of octaves with amplitudes c wavelength^H sums to
+    nu(dx) = dx^H.
+    """
     octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_LOG_RANGE / math.log(lacunarity)), dtype=np.float64)
     octaves /= math.exp(_LOG_RANGE)
     lag = lacunarity ** ((np.arange(8) + 0.5) / 8)
@@ -102,7 +105,7 @@ def _law_factor_squared(hurst: float, lacunarity: float, dimensions: int) -> flo
 
 
 def fit_amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Array:
-    """Amplitudes of octaves of independent unit noise whose sum has nu(dx) = dx^H.
+    """Fit amplitudes of octaves of independent unit noise whose sum has nu(dx) = dx^H.
 
     They are a power of the wavelength, which gives the power spectrum its slope of -(2H + 2). The first two and the
     last also represent the missing waves beyond them, and are fitted to the law.
@@ -112,7 +115,7 @@ def fit_amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Ar
 
 @functools.lru_cache(maxsize=64)
 def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -> tuple[float, ...]:
-    """The same as ``fit_amplitudes``, cached, because the many grounds of a plan differ only in their seeds."""
+    """Fit as ``fit_amplitudes`` does, cached, because the many grounds of a plan differ only in their seeds."""
     wavelength_m = np.array(wavelengths)
     first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
     lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
@@ -139,7 +142,7 @@ def list_stated_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
 
 
 def _compute_stated_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
-    """Amplitudes of octaves with the stated deviation at the baseline, also outside the cut-offs."""
+    """Compute the amplitudes of octaves with the stated deviation at the baseline, also outside the cut-offs."""
     baseline = float(terrain.slope_baseline_m)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     unit = fit_amplitudes(wavelength_m, float(terrain.hurst))
@@ -164,11 +167,13 @@ class RoughSurface:
     mean_m: float = 0.0
 
     def octave(self, k: int, x_m: Array, y_m: Array) -> Array:
-        """Unit noise of octave k."""
+        """Compute the unit noise of octave k."""
         return _compute_octave(k, self.wavelength_m[k], self.offsets[k], self.keys[k], x_m, y_m)
 
     def weight(self, k: int, total_m: Array, variance: float) -> Array:
-        """Multifractal weight of the octave after k, from the relief so far, before division by its level."""
+        """Compute the multifractal weight of the octave after k, from the relief so far, before division by its
+        level.
+        """
         relief = total_m * (1.0 / (RELIEF_SPAN * math.sqrt(variance)))
         relief += 0.5
         np.clip(relief, 0.0, 1.0, out=relief)
@@ -177,7 +182,7 @@ class RoughSurface:
         return relief
 
     def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
+        """Compute heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
         """
@@ -216,8 +221,9 @@ def _compute_octave(k: int, wavelength_m: float, offset: Sequence[float], key: i
 
 @functools.lru_cache(maxsize=MAX_OCTAVES)
 def _sample_octave(k: int, wavelength_m: float, offset: tuple[float, float], key: int, size_m: float) -> Array:
-    """Unit noise (n, n) of octave k on a coarse grid over the patch, kept for the next ground: heights do not change
-    it."""
+    """Sample the unit noise (n, n) of octave k on a coarse grid over the patch, kept for the next ground: heights do
+    not change it.
+    """
     axis = _make_grid_axis(size_m)
     return _compute_octave(k, wavelength_m, offset, key, axis[None, :], axis[:, None])
 
@@ -227,14 +233,16 @@ def _make_grid_axis(size_m: float) -> Array:
 
 
 def resolved_share(wavelength_m: Numbers, shortest_m: Numbers) -> Numbers:
-    """Share of a wave that a mesh carries: 1 from 1.5 times its shortest wavelength on, 0 below that wavelength."""
+    """Compute the share of a wave that a mesh carries: 1 from 1.5 times its shortest wavelength on, 0 below that
+    wavelength.
+    """
     shortest_m = np.maximum(shortest_m, 1e-300)
     share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)
     return share if np.ndim(share) else float(share)
 
 
 def _round_digits(values: Array) -> Array:
-    """Values rounded to ten digits. Sums and powers differ between machines in the last digits; heights must not."""
+    """Round values to ten digits. Sums and powers differ between machines in the last digits; heights must not."""
     return np.array([float(f"{v:.9e}") for v in values])
 
 
@@ -263,8 +271,9 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
 
 
 def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, Array]:
-    """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the weight of
-    every octave."""
+    """Measure the weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the
+    weight of every octave.
+    """
     axis = _make_grid_axis(size_m)
     long = int(np.sum(surface.wavelength_m >= 4 * (axis[1] - axis[0])))
     level = np.ones(len(surface.wavelength_m))
@@ -295,7 +304,7 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, 
 def _fit_to_patch(
     surface: RoughSurface, size_m: float, baseline: float, at_baseline: float, hurst: float
 ) -> RoughSurface:
-    """The surface with the amplitudes of its octaves fitted to the long octaves as measured on the patch."""
+    """Fit the amplitudes of a surface's octaves to the long octaves as measured on the patch."""
     fields, level = _measure_long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
     means = fields.mean(axis=(1, 2))
@@ -332,7 +341,7 @@ def _fit_to_patch(
 
 
 def _mean_products(fields: Array, lag: int) -> Array:
-    """Mean products (long, long) of the octaves' differences at a whole lag, over both axes."""
+    """Compute the mean products (long, long) of the octaves' differences at a whole lag, over both axes."""
     along_x = (fields[:, :, lag:] - fields[:, :, :-lag]).reshape(len(fields), -1)
     along_y = (fields[:, lag:, :] - fields[:, :-lag, :]).reshape(len(fields), -1)
     return (along_x @ along_x.T / along_x.shape[1] + along_y @ along_y.T / along_y.shape[1]) / 2

@@ -17,7 +17,7 @@ _MAX_LINES = 256
 
 
 def remove_plane(heights_m: Array) -> Array:
-    """The heights (rows, columns) minus their least-squares plane."""
+    """Subtract their least-squares plane from heights (rows, columns)."""
     rows, columns = heights_m.shape
     y, x = (np.arange(n) - (n - 1) / 2 for n in (rows, columns))
     slope_x = (heights_m.mean(axis=0) @ x) / max(x @ x, 1.0)
@@ -26,8 +26,10 @@ def remove_plane(heights_m: Array) -> Array:
 
 
 def rms_deviation(heights_m: Array, lag: int, every: int = 1) -> float:
-    """RMS deviation nu in metres of a height grid at a lag of whole vertex spacings; NaN if the grid is smaller than
-    the lag. nu² = <(z(p + lag) - z(p))²> over pairs along both axes, on every ``every``-th line of the grid."""
+    """Compute the RMS deviation nu in metres of a height grid at a lag of whole vertex spacings; NaN if the grid is
+    smaller than the lag. nu² = <(z(p + lag) - z(p))²> over pairs along both axes, on every ``every``-th line of the
+    grid.
+    """
     if not 0 < lag < min(heights_m.shape):
         return math.nan
     along_x = heights_m[::every, lag:] - heights_m[::every, :-lag]
@@ -36,17 +38,17 @@ def rms_deviation(heights_m: Array, lag: int, every: int = 1) -> float:
 
 
 def list_lags(longest: int, per_octave: int = 3) -> list[int]:
-    """Whole lags from 1 to ``longest``, about evenly spaced in the logarithm."""
+    """List whole lags from 1 to ``longest``, about evenly spaced in the logarithm."""
     count = max(1, math.ceil(per_octave * math.log2(max(longest, 1)))) + 1
     return sorted({round(longest ** (k / (count - 1))) for k in range(count)}) if longest > 1 else [1]
 
 
 def power_spectrum(heights_m: Array, spacing_m: float, bins_per_octave: int = 3) -> tuple[Array, Array]:
-    """Radially averaged 2-D power spectral density of a square grid.
+    """Compute the radially averaged 2-D power spectral density of a square grid.
 
-    Returns wave numbers in cycles per metre and densities in m⁴ (m² per (cycle/m)²), whose integral
-    over the plane of wave vectors is the variance. The grid is detrended and windowed (Hann), since
-    it is not periodic: without that the step between opposite edges adds a false k⁻² spectrum.
+    Returns wave numbers in cycles per metre and densities in m⁴ (m² per (cycle/m)²), whose integral over the plane of
+    wave vectors is the variance. The grid is detrended and windowed (Hann), since it is not periodic: without that the
+    step between opposite edges adds a false k⁻² spectrum.
     """
     n = min(heights_m.shape)
     window = np.hanning(n + 2)[1:-1]
@@ -84,7 +86,7 @@ class Roughness:
     height_m: float
 
     def numbers(self) -> dict[str, float | None]:
-        """The numbers that ``pair.json`` stores beside the requested ones; None if the grid has too few lags."""
+        """Return the numbers that ``pair.json`` stores beside the requested ones; None if the grid has too few lags."""
         found = {"rms_slope_deg": self.slope_deg, "rms_height_m": self.height_m, "hurst": self.hurst}
         return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 

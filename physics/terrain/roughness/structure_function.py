@@ -16,10 +16,10 @@ NOISE_DEVIATION = 0.30506
 
 @functools.cache
 def _kernel_autocorrelations() -> tuple[Array, Array, Array]:
-    """Lags (n,) and the autocorrelations there of the noise's two one-dimensional kernels.
+    """Compute lags (n,) and the autocorrelations there of the noise's two one-dimensional kernels.
 
-    Noise is a sum over lattice points of g_x psi(x) phi(y) + g_y phi(x) psi(y), with phi = 1 - fade(|t|) and
-    psi = t phi, so the covariance of the noise is made of the kernels' autocorrelations.
+    Noise is a sum over lattice points of g_x psi(x) phi(y) + g_y phi(x) psi(y), with phi = 1 - fade(|t|) and psi = t
+    phi, so the covariance of the noise is made of the kernels' autocorrelations.
     """
     n = 512  # samples per lattice unit
     t = (np.arange(2 * n) + 0.5) / n - 1.0
@@ -30,7 +30,7 @@ def _kernel_autocorrelations() -> tuple[Array, Array, Array]:
 
 @functools.cache
 def _structure_table(dimensions: int) -> tuple[Array, Array]:
-    """Distances in wavelengths and the structure function of unit noise, averaged over directions."""
+    """Tabulate distances in wavelengths and the structure function of unit noise, averaged over directions."""
     lag, phi, psi = _kernel_autocorrelations()
     r = np.concatenate([np.linspace(0.02, 1.0, 99), np.linspace(1.02, 3.5, 125)])
     if dimensions == 2:
@@ -56,7 +56,7 @@ def _structure_table(dimensions: int) -> tuple[Array, Array]:
 
 
 def structure_function(distance: Array, dimensions: int = 2) -> Array:
-    """Mean square difference of unit noise at points ``distance`` wavelengths apart."""
+    """Compute the mean square difference of unit noise at points ``distance`` wavelengths apart."""
     r, table = _structure_table(dimensions)
     near = table[0] * (distance / r[0]) ** 2  # the noise is smooth: a parabola at the origin
     return np.where(distance < r[0], near, np.interp(distance, r, table))

@@ -12,7 +12,7 @@ from icymoon.physics.arm.kinematics import (
     find_joints_beyond_limits,
     find_tip,
     forward_kinematics,
-    rigid_transform,
+    make_rigid_transform,
 )
 from icymoon.physics.arm.parametric_arm import (
     JOINTS,
@@ -170,8 +170,10 @@ def test_the_default_pose_is_within_its_limits():
 
 def test_a_joint_that_slides_moves_its_link_along_the_axis():
     joints = (
-        Joint("turn", "one", -1, rigid_transform(), np.array([0.0, 0.0, 1.0])),
-        Joint("slide", "two", 0, rigid_transform(place=(1.0, 0.0, 0.0)), np.array([1.0, 0.0, 0.0]), 0.0, 1.0, True),
+        Joint("turn", "one", -1, make_rigid_transform(), np.array([0.0, 0.0, 1.0])),
+        Joint(
+            "slide", "two", 0, make_rigid_transform(place=(1.0, 0.0, 0.0)), np.array([1.0, 0.0, 0.0]), 0.0, 1.0, True
+        ),
     )
-    arm = Arm(joints, rigid_transform(place=(0.0, 0.0, 2.0)), np.zeros(3))
+    arm = Arm(joints, make_rigid_transform(place=(0.0, 0.0, 2.0)), np.zeros(3))
     assert np.allclose(find_tip(arm, np.array([np.pi / 2, 0.5])), [0.0, 1.5, 2.0], atol=1e-15)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.arm.keypoints import describe_keypoints
-from icymoon.physics.arm.kinematics import forward_kinematics, rigid_transform
+from icymoon.physics.arm.kinematics import forward_kinematics, make_rigid_transform
 from icymoon.physics.arm.lander_arm import list_keypoints, make_solids
 from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, make_body_capsules, make_head
 from icymoon.physics.arm.parametric_arm import find_real_angles_rad, make_parametric_arm
@@ -64,7 +64,7 @@ def test_volumes_are_those_of_their_formulas():
 def test_moving_and_joining_keep_volumes():
     solid = make_box("black", (0.3, 0.2, 0.1))
     turned = transform_solid(
-        solid, rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (5.0, 6.0, 7.0))
+        solid, make_rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (5.0, 6.0, 7.0))
     )
     both = join_solids([solid, turned])
     assert volume_m3(both) == pytest.approx(2 * volume_m3(solid), rel=1e-9)
@@ -117,7 +117,7 @@ def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_n
             )
         ),
     }
-    down = rigid_transform(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
+    down = make_rigid_transform(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
     matrix = np.array([[100.0, 0.0, 160.0], [0.0, 100.0, 120.0], [0.0, 0.0, 1.0]])
     far, near = np.full((240, 320), 9.0), np.full((240, 320), 1.0)
     found = {
@@ -137,6 +137,6 @@ def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_n
 def test_keypoints_behind_an_eye_have_no_pixel():
     settings = defaults()
     links = {link: np.eye(4) for link in (BODY, *LEGS, *make_parametric_arm(settings).links)}
-    away = rigid_transform(place=(0.0, 0.0, 9.0))  # looks up, all is below
+    away = make_rigid_transform(place=(0.0, 0.0, 9.0))  # looks up, all is below
     found = describe_keypoints(settings, [0.0, 0.0], links, {"left": away}, np.eye(3), {"left": np.zeros((2, 2))})
     assert all(entry["left_px"] is None and not entry["visible_left"] for entry in found)
