@@ -50,8 +50,8 @@ WIDE_CELLS = 4.0
 @dataclass(frozen=True)
 class MapCover:
     """The extent of a map seen from the site: the width of a pixel in metres of ground at the site, and the distances
-    in metres along x or y from the site to the farthest edge and to the nearest one, which is negative for a site
-    beside the map."""
+    in metres, along x or y, from the site to the farthest and to the nearest edge. The nearest distance is negative for
+    a site beside the map."""
 
     pixel_m: float
     farthest_m: float
@@ -60,7 +60,7 @@ class MapCover:
 
 @dataclass(frozen=True)
 class MapMeans:
-    """The means of a map at each level, and sentences for the user."""
+    """The means of a map at each level, and warnings for the user."""
 
     levels: list[LevelMeans]
     warnings: tuple[str, ...]
@@ -72,12 +72,12 @@ ReadBlock = Callable[[range, range], Array]
 
 @dataclass(frozen=True)
 class MapPixels:
-    """The pixels of a map around a site: the number of all pixels (rows, columns), the position of the site among them
-    (column, row) from the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which
-    divides a window into pieces for ``read``.
+    """The pixels of a map around a site: the ``shape`` (rows, columns) of all pixels, the position ``origin`` (column,
+    row) of the site from the centre of the south-western pixel, and the pixels per metre of ground along x and y.
+    ``cut`` divides a window into pieces for ``read``.
 
-    ``way`` converts metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
-    end of the sentence about a map around which this conversion fails.
+    ``way`` converts metres around the site to columns and rows; None if the pixels lie along the axes. ``bent`` is the
+    end of a sentence about a map around which this conversion fails.
     """
 
     shape: tuple[int, int]
@@ -90,7 +90,7 @@ class MapPixels:
 
     @property
     def cover(self) -> MapCover:
-        """Its extent about the site."""
+        """The extent of the map about the site."""
         pixel = [1 / each for each in self.per_m]
         west, south = ((self.origin[k] + 0.5) * pixel[k] for k in range(2))
         east, north = ((self.shape[1 - k] - 0.5 - self.origin[k]) * pixel[k] for k in range(2))
@@ -99,8 +99,8 @@ class MapPixels:
 
 
 def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
-    """Heights (rows, columns) in memory, row 0 northernmost, with the centre of the lower left pixel at ``west_m`` and
-    ``south_m``."""
+    """Make pixels from heights (rows, columns) in memory, row 0 northernmost. The centre of the lower left pixel is at
+    ``west_m`` and ``south_m``."""
     from_south = heights_m[::-1]
 
     def read_block(rows: range, columns: range) -> Array:
@@ -117,7 +117,7 @@ def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: fl
 
 
 def read_cover(path: Path, frame: MapFrame) -> MapCover:
-    """The extent of a map about the site of ``frame``, from the file's tags. Raises IcyMoonError as ``read_means``
+    """Read the extent of a map about the site of ``frame`` from the file's tags. Raises IcyMoonError as ``read_means``
     does."""
 
     def parse(foreign: ForeignBytes) -> MapCover:
@@ -161,7 +161,7 @@ class _FileBlocks:
         self._states_unit = True
 
     def read(self, rows: range, columns: range) -> Array:
-        """Heights of pixels, see ``ReadBlock``."""
+        """Read the heights of pixels, see ``ReadBlock``."""
         grid, image = self.placed.grid, self.placed.images[0]
         window = grid.find_window(rows, columns)
         grant_memory(self._foreign)  # the piece before is no longer held
@@ -177,7 +177,7 @@ class _FileBlocks:
         return grid.turn_north_up(values)[::-1] * self._height_scale
 
     def cut(self, rows: range, columns: range) -> Iterator[tuple[range, range]]:
-        """Pieces of whole tiles, so that each tile is read once."""
+        """Cut a window into pieces of whole tiles, so that each tile is read once."""
         grid = self.placed.grid
         width, height = find_tile_size(self.placed.images[0])
         across = len(columns) if width >= grid.shape[1] else max(width, _BLOCK_WIDTH // width * width)
@@ -190,7 +190,7 @@ class _FileBlocks:
                 yield some_rows, some_columns
 
     def list_warnings(self) -> Iterator[str]:
-        """Sentences on what was read, without the name of the file."""
+        """List sentences on the values that were read, without the name of the file."""
         if self._missing is None and 42113 not in self.placed.images[0].tags:
             for extreme in self._extremes:
                 if abs(extreme) in USUAL_MARKS:
@@ -204,7 +204,8 @@ class _FileBlocks:
 
 
 def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
-    """Cut a range at multiples of ``step``, counted from the other edge with ``turned``, the number of pixels."""
+    """Cut a range at multiples of ``step``. They are counted from the other end if ``turned``, the number of pixels, is
+    not 0."""
     there = reverse_range(wanted, turned) if turned else wanted
     start = there.start
     while start < there.stop:
@@ -237,7 +238,7 @@ def _place_pixels(blocks: _FileBlocks, frame: MapFrame) -> MapPixels:
 
 
 def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
-    """Apply a ``way`` to a place; NaN where the projection is undefined."""
+    """Convert a position by ``way``; NaN where the projection is undefined."""
     try:
         return way(x, y)
     except (ValueError, OverflowError, ZeroDivisionError):
@@ -245,7 +246,7 @@ def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
 
 
 def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
-    """The conversion from metres around the site to columns and rows, counted from pixel centres."""
+    """Make the conversion from metres around the site to columns and rows, counted from pixel centres."""
 
     def to_pixel(x_m: float, y_m: float) -> tuple[float, float]:
         x, y = _try_way(way, frame.origin[0] + x_m / frame.scale[0], frame.origin[1] + y_m / frame.scale[1])
@@ -255,7 +256,7 @@ def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
 
 
 def _describe_bent_map(name: str, frame: MapFrame) -> str:
-    """The end of a sentence about a map that cannot be laid around a site by another projection."""
+    """Return the end of a sentence about a map that cannot be laid around a site by another projection."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
     option = f'-t_srs "{target}"'
     fix = f" with: {gdal_lines.make_warp_command(name, option)}" if target else "."
@@ -265,9 +266,9 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
 def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) -> list[LevelMeans]:
     """Measure the mean height of a map over the cell around each point of each level.
 
-    The share of known heights is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In another
-    projection, cells lie along the axes of the map and are as wide there as the level's cells. Raises UnreadError for a
-    map that is bent or torn around the site.
+    The share of known heights is measured over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In
+    another projection, cells lie along the axes of the map and are as wide there as the level's cells. Raises
+    UnreadError for a map that is bent or torn around the site.
     """
     found: list[LevelMeans] = []
     for level in reversed(levels):
@@ -285,7 +286,7 @@ def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) ->
 
 
 def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range]:
-    """Rows and columns of a map that squares touch."""
+    """Find the rows and columns of a map that squares touch."""
     left, right, low, high = squares.window
     rows, columns = (
         range(max(0, math.floor(first)), max(0, min(count, math.ceil(last) + 1)))
@@ -295,7 +296,7 @@ def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range
 
 
 def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
-    """The same pixels, with a window of them in memory."""
+    """Return the same pixels with a window of them in memory."""
     kept = np.empty((len(rows), len(columns)))
     for some_rows, some_columns in pixels.cut(rows, columns):
         down = slice(some_rows.start - rows.start, some_rows.stop - rows.start)
@@ -317,7 +318,7 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 @dataclass(frozen=True)
 class _ResamplingGrid:
     """The square windows over which pixels are averaged, and the positions ``at`` (column, row) of a level's points
-    between them, in steps of windows; ``at`` is None if the points are the middles of the windows."""
+    between them, in steps of windows. ``at`` is None if the points are the middles of the windows."""
 
     squares: Squares
     at: tuple[Array, Array] | None

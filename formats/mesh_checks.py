@@ -37,8 +37,8 @@ _FBX_ARRAY_VALUE_BYTES = {b"f": 4, b"d": 8, b"l": 8, b"i": 4, b"b": 1, b"c": 1}
 
 def check_mesh(path: Path, kind: str) -> None:
     """Check the content of a mesh file of a ``kind`` (see ``mesh_file.detect_kind``) against its statements. Raises
-    IcyMoonError if stated data are missing, if it names a file that a mesh must not name, or if a number is malformed.
-    """
+    IcyMoonError if stated data are missing, if a number is malformed, or if the file names another that a mesh must not
+    name."""
     if kind == "glTF":
         for name in gltf.check_gltf(path):
             _check_named(path, path.parent / name)
@@ -68,7 +68,7 @@ def _check_obj(path: Path, foreign: ForeignBytes) -> None:
 
 
 def _check_library(path: Path, foreign: ForeignBytes) -> None:
-    """Check the files that a material library names; every statement may name an image, with or without options."""
+    """Check the files that a material library names. Any statement may name an image, with or without options."""
     for _, line in foreign.lines():
         _, _, rest = line.strip().partition(b" ")
         for name in {rest.strip(), rest.split(b" ")[-1]} - {b""}:

@@ -38,8 +38,8 @@ Way = Callable[[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Grid:
-    """Pixels of an image, north up and from west to east: the outer south-west corner and size in metres of its map;
-    ``down`` and ``right`` tell whether its rows run south and its columns east in the file."""
+    """The pixel grid of an image, north up and from west to east: its outer south-west corner and the size of a pixel,
+    in metres of its map. ``down`` and ``right`` tell whether its rows run south and its columns east in the file."""
 
     shape: tuple[int, int]
     west: float
@@ -49,16 +49,16 @@ class Grid:
     right: bool
 
     def to_pixels(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Columns from the west edge and rows from the south edge, of places in metres of the map."""
+        """Convert places, in metres of the map, to columns from the west edge and rows from the south edge."""
         return (x - self.west) / self.size[0], (y - self.south) / self.size[1]
 
     def find_window(self, rows: range, columns: range) -> tuple[range, range]:
-        """Rows and columns of the file, for rows from the south edge and columns from the west edge."""
+        """Return the file's rows and columns for rows from the south edge and columns from the west edge."""
         high, wide = self.shape
         return reverse_range(rows, high) if self.down else rows, columns if self.right else reverse_range(columns, wide)
 
     def turn_north_up(self, pixels: Array) -> Array:
-        """Pixels (rows, columns) of the file with row 0 northernmost and column 0 westernmost."""
+        """Turn pixels (rows, columns) of the file so that row 0 is northernmost and column 0 westernmost."""
         pixels = pixels if self.down else pixels[::-1]
         return pixels if self.right else pixels[:, ::-1]
 
@@ -69,7 +69,7 @@ def reverse_range(wanted: range, count: int) -> range:
 
 
 def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
-    """Values between pixels, bilinear; NaN where one of the four neighbours is invalid."""
+    """Interpolate values bilinearly between pixels; NaN where one of the four neighbours is invalid."""
     left = np.clip(np.floor(column).astype(np.intp), 0, values.shape[1] - 2)
     low = np.clip(np.floor(row).astype(np.intp), 0, values.shape[0] - 2)
     u, v = column - left, row - low
@@ -83,8 +83,8 @@ def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
 
 @dataclass(frozen=True)
 class PlacedImage:
-    """The first image of a file, with its GeoKeys, its pixels on its map in metres, metres per unit of the file, and
-    the conversion from the map of the ground to its map; None if both maps are the same."""
+    """The first image of a file with its place: its GeoKeys, its pixel grid in metres of its map, and metres per unit
+    of the file. ``way`` converts coordinates of the ground's map to this map; None if both maps are the same."""
 
     images: list[Directory]
     keys: Mapping[int, Any]
@@ -94,7 +94,7 @@ class PlacedImage:
 
     @property
     def edges(self) -> tuple[float, float, float, float]:
-        """West, east, south and north edge in the unit of the file."""
+        """West, east, south and north edge, in the unit of the file."""
         grid = self.grid
         east, north = grid.west + grid.shape[1] * grid.size[0], grid.south + grid.shape[0] * grid.size[1]
         west, east, south, north = (edge / self.unit_m for edge in (grid.west, east, grid.south, north))
@@ -128,23 +128,23 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
 
 
 def _shift_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
-    """Shift the grid of an image around the body, whose longitudes may count to 180 or to 360, by multiples of 360° to
-    the site."""
+    """Shift the grid of an image around the body by multiples of 360°, so that it is near the site. The image's
+    longitudes may count to 180 or to 360."""
     once = project_point(system, system.longitude_deg, 0.0, 1)[0] - project_point(system, system.longitude_deg, 0.0)[0]
     middle = grid.west + grid.shape[1] * grid.size[0] / 2
     return replace(grid, west=grid.west + once * round((frame.origin[0] - middle) / once))
 
 
 class PlacedReader:
-    """Reads windows of an image as values with scale, offset, missing marks and mask."""
+    """Reads windows of an image as values: scaled, with their offset, and NaN by missing marks and mask."""
 
     def __init__(self, foreign: ForeignBytes, images: list[Directory], grid: Grid) -> None:
         self.grid, self.name = grid, foreign.name
         self._foreign, self._images = foreign, images
 
     def read(self, rows: range, columns: range) -> Array:
-        """The window of pixels ``rows`` from the south edge and ``columns`` from the west edge, row 0 northernmost;
-        NaN beyond the image and where it has no values."""
+        """Read the pixels ``rows`` from the south edge and ``columns`` from the west edge, with row 0 northernmost. NaN
+        beyond the image and where it has no values."""
         high, wide = self.grid.shape
         inner = range(max(rows.start, 0), min(rows.stop, high)), range(max(columns.start, 0), min(columns.stop, wide))
         values = np.full((len(rows), len(columns)), np.nan)
@@ -167,7 +167,7 @@ class PlacedReader:
 def _is_same_system(
     keys: Mapping[int, Any], system: MapSystem | None, geokeys: GeoKeys | None, frame: MapFrame
 ) -> bool:
-    """Whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
+    """Return whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
     if system is not None and frame.system is not None:
         same_body = read_ellipsoid_m(keys) == read_ellipsoid_m(frame.geokeys.numbers())
         return same_body and replace(system, name="") == replace(frame.system, name="")
@@ -207,8 +207,8 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
 
 
 def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: Grid) -> Way:
-    """``_find_way`` for two projections of a sphere. Longitudes continue beyond the edge of the image's map at 180
-    degrees, in the range of the image."""
+    """Make the conversion of ``_find_way`` between two projections of a sphere. Longitudes continue beyond the edge of
+    the image's map at 180 degrees, in the range of the image."""
 
     def apart_deg(longitude_deg: float) -> float:
         return (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0
