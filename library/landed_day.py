@@ -29,11 +29,11 @@ def open_landed_day(
     """Open a day on the ground of this number. Its steps are ``step("look")``, ``step("choose")``, ``step("dig")``, ….
 
     Equal arguments and steps give equal observations, to the bit. ``method`` is the lander's matcher, as in
-    ``evaluate``. ``ground`` is a preset or a TOML file whose terrain and rocks the grounds have, by default several
-    gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor, workspace, scoop
-    and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` the energy in Wh that the day
-    may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values out of range, and
-    for ground that rays cannot make.
+    ``evaluate``. ``ground`` is a preset or a TOML file from which the grounds take their terrain and rocks; by default
+    they are several gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor,
+    workspace, scoop and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` the energy in
+    Wh that the day may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values
+    out of range, and for ground that rays cannot make.
     """
     # Matchers and rays are imported here, as ``import icymoon`` is light.
     from ..settings.description import check
