@@ -23,5 +23,5 @@ MODULES = {
 
 
 def load_comparisons() -> tuple[Comparison, ...]:
-    """The comparisons, in the order of the page."""
+    """Load the comparisons, in the order of the page."""
     return tuple(import_module(f"{__package__}.{module}").COMPARISON for module in MODULES.values())

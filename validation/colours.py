@@ -61,7 +61,7 @@ def _make_enceladus_rows() -> list[Row]:
 
 
 def dark_share() -> float:
-    """Share of dark matter beside plains that gives Europa's trailing hemisphere its reflectance at 550 nm."""
+    """Find the share of dark matter beside plains that gives Europa's trailing hemisphere its reflectance at 550 nm."""
     plains, dark = (float(MATERIALS[name].reflectance(550.0)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
     return (plains - _TRAILING_GREEN) / (plains - dark)
 

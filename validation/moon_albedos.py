@@ -58,7 +58,7 @@ _WITHOUT_SURGE = (
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured number: ``quantity`` is a key of ``_QUANTITIES``, ``error`` as its authors print it."""
+    """A measured number. ``quantity`` is a key of ``_QUANTITIES``, ``error`` is as its authors print it."""
 
     preset: str
     quantity: str
@@ -144,7 +144,7 @@ _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
 
 
 def read_preset_law(preset: str) -> photometry.Law:
-    """The law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
+    """Read the photometric law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
     settings = merged(defaults(), load_preset(preset))
     law = make_law(settings.surface, settings.hapke)
     assert law is not None
@@ -152,8 +152,8 @@ def read_preset_law(preset: str) -> photometry.Law:
 
 
 def find_contradicting_measurement(each: Measured, ours: float) -> Measured | None:
-    """Another measurement of the same number that agrees with ours, if both measurements differ by more than their
-    joint error.
+    """Find another measurement of the same number that agrees with ours but contradicts this measurement: they differ
+    by more than the sum of their errors. None if there is none.
 
     No number can agree with both, so a preset cannot be judged by the measurement with which it disagrees.
     """
@@ -191,25 +191,26 @@ def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float)
 
 
 def radiance_factor_at_5_deg(law: photometry.Law) -> float:
-    """I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
+    """Compute I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
     return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
 
 
 def opposition_effect(law: photometry.Law) -> float:
-    """Increase of I/F of ground that is lit along its normal, from an emission and phase angle of 5° to 0°."""
+    """Compute the increase of I/F from an emission and phase angle of 5° to 0°, as a share, for ground that is lit
+    along its normal."""
     five, none = law(np.zeros(2), np.radians([5.0, 0.0]), np.zeros(2))
     return float(none / five - 1)
 
 
 def albedo_without_surge(law: photometry.Law) -> float:
-    """Geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
+    """Compute the geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
     phases = np.linspace(1.5, 12.0, 8)
     magnitudes = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     return float(10 ** (-0.4 * np.polyfit(phases, magnitudes, 1)[1]))
 
 
 def _make_europa_rows() -> list[Row]:
-    """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
+    """Make rows of the published numbers of Europa, other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (
         read_preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
     )
@@ -231,7 +232,7 @@ def _make_europa_rows() -> list[Row]:
 
 
 def _make_surgeless_rows(whole: photometry.Law) -> list[Row]:
-    """Europa's geometric albedo where it is seen without the narrow surge, and in blue light."""
+    """Make rows of Europa's geometric albedo without the narrow surge, and in blue light."""
     colour, error = read_europa_over_green(470.0)
     extrapolated = albedo_without_surge(whole)
     return [
@@ -292,7 +293,7 @@ def _make_phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
 
 
 def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
-    """Brightness and slope of Europa's terrains near zero phase."""
+    """Make rows of the brightness and slope of Europa's terrains near zero phase."""
     return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
@@ -321,7 +322,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
 
 
 def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
-    """Rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
+    """Make rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
     law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * radiance_factor_at_5_deg(plains) + share * radiance_factor_at_5_deg(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
@@ -356,7 +357,8 @@ def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: phot
 
 
 def _make_lunar_rows() -> list[Row]:
-    """The Moon's phase curve, without any fit; from 30° on, as the curve has no surge below that."""
+    """Make rows of the Moon's phase curve, without any fit. They begin at 30°, because the curve has no surge below
+    that."""
     law = read_preset_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))

@@ -36,7 +36,8 @@ SNOW_SOURCE = "Khuller et al. 2021, doi 10.1029/2021JE006910: another program, w
 
 
 def read_europa_over_green(wavelength_nm: float) -> tuple[float, float]:
-    """Europa's trailing hemisphere over its reflectance at 550 nm: mean and half the difference of both spectra."""
+    """Read the reflectance of Europa's trailing hemisphere, divided by its reflectance at 550 nm: the mean and half the
+    difference of both spectra."""
     column = WAVELENGTHS_NM.index(wavelength_nm)
     one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN_INDEX]
     return float((one + other) / 2), float(abs(one - other) / 2)

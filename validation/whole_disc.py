@@ -29,7 +29,8 @@ def _fit_equigonal_albedo(factors: list[float], phases_deg: list[float]) -> floa
 
 
 def _measure_mirror_point(image: BallImage) -> float:
-    """I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of it.
+    """Measure I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of
+    this point.
 
     The mean over a small round patch differs from the value at its middle by the curvature of the law there, 1e-3 of
     it.
@@ -76,7 +77,7 @@ def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
-    """A surface preset's settings, without the rest of its scene."""
+    """Return a surface preset's settings, without the rest of its scene."""
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 

@@ -71,12 +71,12 @@ class Rock:
 
     @cached_property
     def skirt(self) -> Array:
-        """Mask (m,) of the triangles that are sand."""
+        """Mask (m,) of the triangles that show sand."""
         return find_skirt(self.vertices, self.faces)
 
     @cached_property
     def rim(self) -> Array:
-        """Vertices (n, 3) on the open edges; all vertices without open edges."""
+        """Vertices (n, 3) on the open edges; all vertices if there are no open edges."""
         corners = open_corners(self.faces)
         return np.asarray(self.vertices[corners] if len(corners) else self.vertices)
 
@@ -99,8 +99,8 @@ class Polygon:
 
 @dataclass(frozen=True)
 class Terrain:
-    """A terrain: its rocks; the polygons of each photograph by view and Sun azimuth in degrees; and the photographs
-    themselves, where the folder has them."""
+    """A terrain: its rocks, the polygons of each photograph by view and Sun azimuth in degrees, and the photographs
+    themselves where the folder has them."""
 
     name: str
     rocks: tuple[Rock, ...]
@@ -123,7 +123,7 @@ class Terrain:
         return sorted({azimuth for _, azimuth in self.photographs})
 
     def polygons(self, view: View, azimuth: int, kind: int) -> list[Array]:
-        """Corners of the polygons of a class in a photograph; none if there is no photograph."""
+        """Return the corners of the polygons of a class in a photograph; none if there is no photograph."""
         return [each.corners for each in self.photographs.get((view, azimuth), ()) if each.kind == kind]
 
 

@@ -24,16 +24,15 @@ _AVERAGING_PASSES = 2
 
 
 def open_corners(faces: Array) -> Array:
-    """Indices of the vertices on the open edges of triangles (m, 3); none if they are closed."""
+    """Return the indices of the vertices on the open edges of triangles (m, 3); none if they are closed."""
     edges = np.sort(np.concatenate([faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     return np.unique(unique[count == 1])
 
 
 def fit_rim_plane(rim: Array, middle: Array) -> Array:
-    """The plane (3,) of a rim (n, 3), height at a ``middle`` (2,) and slopes: most of the rim is on it and little below
-    it.
-    """
+    """Fit a plane (3,), its height at a ``middle`` (2,) and its slopes, to a rim (n, 3). Most of the rim is on the
+    plane, and little is below it."""
     basis = np.column_stack([np.ones(len(rim)), rim[:, :2] - middle])
     heights = rim[:, 2]
     weight = (heights <= np.quantile(heights, 0.6)).astype(np.float64)
@@ -48,7 +47,8 @@ def fit_rim_plane(rim: Array, middle: Array) -> Array:
 
 
 def find_skirt(vertices: Array, faces: Array) -> Array:
-    """Mask (m,) of the triangles ``faces`` (m, 3) of a scan, ``vertices`` (n, 3) in metres, that are sand."""
+    """Find which of the triangles ``faces`` (m, 3) of a scan with ``vertices`` (n, 3), m, are sand. Returns a mask
+    (m,)."""
     edge = open_corners(faces)
     if not len(edge):
         return np.zeros(len(faces), bool)
@@ -66,8 +66,8 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
 
 
 def _steepness(vertices: Array, faces: Array) -> Array:
-    """Angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a right angle
-    for triangles that face down."""
+    """Compute the angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a
+    right angle for triangles that face down."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals *= 1.0 if normals[:, 2].sum() > 0 else -1.0
