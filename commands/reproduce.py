@@ -136,7 +136,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 
 def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
-    """The user's files that replace stand-ins. Raises IcyMoonError if there are none."""
+    """Find the user's files that replace stand-ins. Raises IcyMoonError if there are none."""
     own = find_own_files([pair for part in parts.values() for pair in part.pairs], [folder.absolute()])
     if not own:
         raise IcyMoonError(
@@ -163,7 +163,7 @@ def _write_paper(
     missing: dict[str, str],
     steps: _Steps,
 ) -> Path:
-    """Match the pairs, and write tables and figures; the path of the page."""
+    """Match the pairs, and write tables and figures. Returns the path of the page."""
     from ..stereo.evaluate import evaluate
     from ..stereo.paper.page import write_paper
     from ..stereo.paper.paper_datasets import EVALUATIONS
@@ -185,7 +185,7 @@ def _forward_event(tell: Callable[..., None], event: dict[str, Any]) -> None:
 
 
 class _Steps:
-    """The progress of consecutive steps as one progress."""
+    """Shows the progress of consecutive steps as one progress."""
 
     def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
         self._tell = tell
@@ -229,7 +229,7 @@ def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
 
 
 def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
-    """Print the estimated cost of the parts, and of all together."""
+    """Print the estimated cost of the parts, and of all parts together."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0
