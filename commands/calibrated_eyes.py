@@ -194,6 +194,6 @@ def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified
         shares = [(np.array([camera.cx_px, camera.cy_px]) + 0.5) / camera.size_px for camera in rig.cameras]
         p[:2, 2] = np.mean(shares, axis=0) * size - 0.5
     turns = nearest_rotation(first.rectification), nearest_rotation(second.rectification)
-    # The file of either eye may state the baseline, so that exchanged files are told as such.
+    # The file of either eye may state the baseline, so that exchanged files are reported as exchanged.
     along_m = float(p[0, 3] / p[0, 0] - first.projection[0, 3] / first.projection[0, 0])
     return _Rectified(turns, size, float(p[0, 0]), float(p[0, 2]), float(p[1, 2]), along_m)

@@ -192,7 +192,7 @@ def _find_grounds(options: argparse.Namespace) -> tuple[list[PlannedPair], Path]
     if options.out is None and options.ros2:
         raise IcyMoonError("A bag is a folder, and a pair's folder has files only; give --out for it.")
     if options.out is None and folder.name != pair.id:
-        raise IcyMoonError(f"{folder} has not the name of its pair, {pair.id}; rename it, or give --out.")
+        raise IcyMoonError(f"{folder} does not have the name of its pair, {pair.id}; rename it, or give --out.")
     if options.out is None:
         check_no_link(folder)
     return [PlannedPair(pair.id, pair.settings, 0.0)], options.out or folder.parent

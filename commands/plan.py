@@ -23,7 +23,7 @@ from ..support.number_text import format_count
 from ..support.printer import emit, say, warn
 from ..support.terminal import as_path, show_count
 
-#: How many sentences on principal points are printed: one for each image size that a plan varies.
+#: Number of sentences on principal points that are printed: one for each image size that a plan varies.
 _MAX_ADVICE = 2
 
 
@@ -112,7 +112,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
-    # One image size mostly, so the same sentence of most pairs.
+    # Most plans have one image size, so most pairs give the same sentence.
     centred = dict.fromkeys(said for pair in pairs for said in advise_on_principal_point(pair.settings.rig))
     lines = [
         *lack,

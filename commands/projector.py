@@ -25,7 +25,7 @@ from .render_scenes import render_settings
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
-#: Absorption per transport length for the printed contrast on ice.
+#: Absorption per transport length, for the contrast on ice that is printed.
 _ICE_ABSORPTION = 0.01
 
 

@@ -22,7 +22,7 @@ from ..support.number_text import show_place
 from ..support.printer import emit_json, print_table, say
 from .scene_options import add_scene_options, read_settings
 
-#: Most dates of a table.
+#: Largest number of dates in a table.
 _MAX_ROWS = 1000
 #: Characters of a row in a pipe.
 _PIPE_WIDTH = 132

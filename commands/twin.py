@@ -146,7 +146,7 @@ def _render(
     missing = freeze_plan(dataset, planned, "").find_missing(dataset)
     if not missing:
         return 0
-    # All pairs have the size of the rig, so one tells for all.
+    # All pairs have the size of the rig, so one is enough.
     check_matchers(twins[0].photographs, rectification, twins[0].planned.settings, methods)
     check_abilities((pair.settings for pair in missing), options.blender)
     if options.json:

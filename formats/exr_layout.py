@@ -289,7 +289,7 @@ def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, 
         wrong = (stated < 0).any()
         stated = np.concatenate([number[:, None], stated], axis=1)
     if wrong or len(set(map(tuple, stated.tolist()))) < len(stated):
-        raise ValueError("a chunk is of lines that the image does not have, or that another has")
+        raise ValueError("a chunk has lines outside the image, or lines of another chunk")
 
 
 def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:

@@ -13,7 +13,7 @@ from typing import Any
 from .tiff import Tags
 
 _DIRECTORY, _DOUBLES, _TEXT = 34735, 34736, 34737
-#: Most numbers and letters that are kept of the tags; a system has some hundreds.
+#: Largest number of numbers or letters of the tags that is kept; a system has some hundreds.
 _MOST, _MAX_LETTERS = 4096, 2**16
 #: Keys that are not copied because the copy states its own: kind of raster, and vertical system with name, datum and
 #: unit.

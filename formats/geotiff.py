@@ -148,11 +148,11 @@ _MAX_WHOLE_PIXELS = 2**22
 _MARGIN_PIXELS = 16
 #: A scale that differs from 1 by less than this, such as UTM's, counts as 1.
 _SCALE_TOLERANCE = 1e-3
-#: Angle in degrees from which on the axes of a map count as skewed.
+#: Least deviation in degrees from a right angle at which the axes of a map count as skewed.
 _SKEW_DEG = 0.5
-#: Angle in degrees between a map's up and north from which on it is reported.
+#: Least angle in degrees between a map's up and north that is reported.
 _TURNED_DEG = 0.1
-#: Angle in degrees from which on it is a warning; UTM turns north by at most 3°.
+#: Least such angle in degrees that gives a warning; UTM turns north by at most 3°.
 _FAR_TURNED_DEG = 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
 _MAX_METADATA_BYTES = 2**20
@@ -170,7 +170,7 @@ _PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel c
 _MAX_TURN_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
 _STATE_UNITS_OPTION = "-co GEOTIFF_VERSION=1.0"
-#: Sides of the part that a command cuts out of a map, over the sides of the wanted ground.
+#: Ratio of the sides of the part that a command cuts out of a map to the sides of the wanted ground.
 _CUT_MARGIN = 1.1
 
 
@@ -731,7 +731,7 @@ def _find_height_unit(
     if system in _DEPTH_SYSTEMS:
         turned = _scale_options(-scaling[0], -scaling[1])
         raise UnreadError(
-            f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
+            f"holds depths (EPSG:{system}), which go down, not heights; change their sign and drop the "
             "vertical system in its folder with: "
             + gdal_lines.make_translate_command(file, turned, _flat_system_option(keys))
         )

@@ -16,9 +16,9 @@ from ..physics.light.intensity_table import IntensityTable
 from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 
-#: Bytes of a file at most; 0.5° all around have 2 MB.
+#: Largest file in bytes; intensities every 0.5° all around take 2 MB.
 _MAX_BYTES = 2**23
-#: Most angles in either direction.
+#: Largest number of angles in either direction.
 _MAX_ANGLES = 1500
 _FIX = "export it as LM-63 with photometry of type C and TILT=NONE"
 _TYPE_NAMES = {2: "B", 3: "A"}

@@ -21,7 +21,7 @@ from ..support.files import quote
 from ..support.foreign_bytes import ForeignBytes, parse_toml, read
 from ..support.suggestions import suggest_nearest
 
-#: Bytes of the file at most.
+#: Largest file in bytes.
 _MAX_BYTES = 2**18
 _FIX = "correct the file, or take a shipped one of icymoon lidar --help"
 _PATTERNS = ("SPINNING", "RASTER", "FLASH")

@@ -27,14 +27,14 @@ from .map_projection import make_crs_text, states_degrees
 from .placed_pixels import Grid, PlacedImage, Way, interpolate_pixels, open_placed, reverse_range
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
 
-#: Most pixels of a piece that is read at once, and of a window that is kept for all levels inside of it.
+#: Largest number of pixels of a piece that is read at once, and of a window that is kept for all levels inside it.
 _BLOCK_PIXELS, _KEPT_PIXELS = 2**21, 2**23
 #: Widest piece, in pixels.
 _BLOCK_WIDTH = 4096
-#: Places along a side of a level at which a projection is computed; between them it is taken for bilinear.
+#: Number of positions along a side of a level at which a projection is computed; between them it is interpolated.
 _PLACES = 33
-#: For a map in another projection, heights are interpolated from a grid of means: its finest step in pixels, and the
-#: most means along a side.
+#: Heights of a map in another projection are interpolated from a grid of means. These are the grid's finest step in
+#: pixels, and its largest number of means along a side.
 _FINEST_STEP, _MAX_STEPS = 0.125, 4096
 #: Half the width of the narrowest square, in pixels. Heights between pixels are bilinear, so a narrower square has the
 #: same mean.

@@ -20,11 +20,11 @@ from .map_frame import MapFrame
 from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, grant_memory
 
-#: Pixels beside the ground that are kept, for interpolation; most pixels over the ground.
+#: Number of pixels beside the ground that are kept for interpolation, and largest number of pixels over the ground.
 _BESIDE, _MAX_PIXELS = 2, 2**26
-#: Most pixels along a side of the image beyond the patch.
+#: Largest number of pixels along a side of the image beyond the patch.
 _MAX_SEEN = 2048
-#: Number of cells between the places at which a projection is computed; between these it is taken for bilinear. A map
+#: Number of cells between the positions at which a projection is computed; between them it is interpolated. A map
 #: with pixels of 100 m is then off by less than 0.01 pixels on the smallest moons.
 _LATTICE = 16
 _Box = tuple[float, float, float, float]
@@ -140,8 +140,8 @@ def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
     """Raise UnreadError if the image has too many pixels over the area of the ground."""
     if rows * columns > _MAX_PIXELS:
         raise UnreadError(
-            f"has {columns} x {rows} pixels over the ground, and {_MAX_PIXELS} are read at most; make them wider, or "
-            f"terrain.size_m smaller; in its folder with: {gdal_lines.make_warp_command(there.name)}"
+            f"has {columns} x {rows} pixels over the ground, and {_MAX_PIXELS} are read at most; set a smaller "
+            f"terrain.size_m, or make the pixels wider in its folder with: {gdal_lines.make_warp_command(there.name)}"
         )
 
 

@@ -14,7 +14,7 @@ from .geotiff import MapPlace, Site
 from .map_point import MapPoint
 from .tiff import MAX_BYTES
 
-#: Suffixes of height maps that are read, those of TIFF first.
+#: Suffixes of height maps that are read, TIFF's suffixes first.
 TIFF_SUFFIXES = (".tif", ".tiff")
 SUFFIXES = (*TIFF_SUFFIXES, ".npy", ".png", ".exr")
 #: First bytes of a file that show its format.

@@ -22,7 +22,7 @@ _CODE_OR_FORMULA = re.compile(
 )
 _LIST_ITEM = re.compile(r"(?:[*-]|\d+\.) +")
 _TABLE_RULE = re.compile(r"\|?[\s:|-]+\|?")
-#: The HTML that generated pages contain, after it was escaped: line breaks, places of links, and two signs.
+#: The HTML in generated pages, after it was escaped: line breaks, anchors of links, and two signs.
 _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);')
 
 

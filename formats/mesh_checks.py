@@ -146,7 +146,7 @@ def _skip_fbx_value(cursor: Cursor) -> None:
         count, packed, length = cursor.unpack("<3I")
         size = cursor.budget.charge(count * _FBX_ARRAY_VALUE_BYTES[kind], "arrays")
         if (packed and size > 1100 * length) or (not packed and size != length):  # zlib packs up to 1032 times
-            raise ValueError(f"the array before byte {cursor.at} has not the {size} bytes that it states")
+            raise ValueError(f"the array before byte {cursor.at} does not have the {size} bytes that it states")
         cursor.skip(length)
     elif kind in (b"S", b"R"):
         cursor.skip(cursor.number("<I"))

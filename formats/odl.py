@@ -51,7 +51,7 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0
         self._token: tuple[str, str] | None = None
-        self._start = 0  # where the token that was taken last begins
+        self._start = 0  # where the last taken token begins
 
     def _fail(self, what: str) -> ValueError:
         return ValueError(f"line {self._text.count(chr(10), 0, self._start) + 1}: {what}")

@@ -27,7 +27,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 from .ply import FACE_TYPE, make_header
 
-#: Rows of text that are made at a time.
+#: Number of rows of text that are made at a time.
 _ROWS_AT_ONCE = 100_000
 #: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
 _MAX_GLTF_BYTES = 2**32 - 1

@@ -186,11 +186,11 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
     ground = frame.system
     if not keys.get(_MODEL_KEY):
         raise UnreadError(
-            "states no coordinate system; state it in its folder, if it is that of the ground, with: "
+            "states no coordinate system; if it is the system of the ground, state it in its folder with: "
             + gdal_lines.make_edit_command(name, f'-a_srs "{target}"')
         )
     if system is None or ground is None:
-        raise UnreadError(f"has another map than the ground, and an unsupported projection{with_fix}")
+        raise UnreadError(f"has another coordinate system than the ground, in an unsupported projection{with_fix}")
     if abs(system.radius_m / ground.radius_m - 1) > _SAME_BODY:
         raise UnreadError(
             f"is a map of a body with a radius of {system.radius_m / 1000:.6g} km, and the ground is of one with "
@@ -200,7 +200,7 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
         major, minor = read_ellipsoid_m(stated)
         if not major or abs(major - minor) > _SPHERE * major:
             raise UnreadError(
-                f"has another coordinate system than the ground, and one of both is of an ellipsoid{with_fix}"
+                f"has another coordinate system than the ground, and one of the two is for an ellipsoid{with_fix}"
             )
 
     return _make_way(ground, system, frame, grid)

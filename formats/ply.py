@@ -62,7 +62,7 @@ _LIST_BYTES_AT_ONCE = 2**22
 _LONGEST_ROW_BYTES = 2**20
 #: Largest mesh file in bytes; it is never in memory as a whole.
 MAX_MESH_BYTES = 2**36
-#: Lists and numbers that are numbers of vertices.
+#: Names of the lists and numbers that are vertex indices.
 _FACE_LIST_NAMES = ("vertex_indices", "vertex_index")
 _VERTEX_INDEX_PROPERTIES = {*(("face", name) for name in _FACE_LIST_NAMES), ("edge", "vertex1"), ("edge", "vertex2")}
 _FIX = "export the mesh again"

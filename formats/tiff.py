@@ -225,7 +225,7 @@ def read_pixels(
         raise ValueError(f"{len(offsets)} tiles or strips")
     row_bytes = -(-width // 8) if number.kind == "b" else width * number.itemsize
     try:
-        # A tile is there packed, unpacked and with its prediction undone.
+        # A tile is in memory three times: packed, unpacked, and with its prediction undone.
         foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
     except OverBudgetError:
         raise UnreadError(

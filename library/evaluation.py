@@ -141,7 +141,7 @@ def _sort_matchers(
     if bad := [name for name in functions if not OWN_NAME.fullmatch(name)]:
         raise IcyMoonError(
             f"A function is called {bad[0][:60]!r}; give it a name of at most 40 letters, digits, - and "
-            "_ in a dictionary, since a column and a folder are named so."
+            "_ in a dictionary, because a column and a folder get this name."
         )
     for name, count in Counter(name for name, _ in named).items():
         if count > 1 and name.replace("<lambda>", "lambda") in functions:

@@ -27,7 +27,7 @@ from ..support.number_text import format_count
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[Array, Array], ArrayLike] | ArrayLike
-#: Most that a mean albedo may be, as ``surface.albedo``.
+#: Largest mean albedo, as in ``surface.albedo``.
 _LARGEST_MEAN_ALBEDO = 1.0
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..stereo.landed_day.day import LandedDay
 
 
-#: Largest number of a ground: all grounds before it are drawn too.
+#: Largest number of a ground. It is limited because all grounds before it are drawn too.
 _MAX_NUMBER = 99_999
 
 
@@ -35,7 +35,7 @@ def open_landed_day(
     Wh that the day may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values
     out of range, and for ground that rays cannot make.
     """
-    # Matchers and rays are imported here, as ``import icymoon`` is light.
+    # Matchers and rays are imported here, so that ``import icymoon`` stays fast.
     from ..settings.description import check
     from ..settings.preset_files import load_named
     from ..stereo.decisions.rules import read_rules

@@ -19,7 +19,7 @@ from .inputs import Field, Input, make_albedo_input, make_heights_input, make_ma
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import MessageReceiver, Renderer, default_renderer, ignore_message, issue_warnings
 
-#: Most settings that a scene shows of itself.
+#: Largest number of settings that the text of a scene shows.
 _MAX_SHOWN_SETTINGS = 8
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 #: The effect of a change of the colours by which errors are shown; no setting has it.
 COLOURS = "colours"
-#: The effect of a change of how the points of a LiDAR are shown; no setting has it.
+#: The effect of a change in the display of a LiDAR's points; no setting has it.
 LIDAR_POINTS = "lidar points"
 #: A function that is called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []

@@ -124,7 +124,7 @@ def find_settings(typed: str) -> tuple[tuple[str, str], ...]:
     return tuple((settings[found.number][0], settings[found.number][1].key) for found in _index_settings().rank(typed))
 
 
-#: The number of the search words of a setting that are those of its description, the farthest.
+#: Index of the farthest search words of a setting: the words of its description.
 _DESCRIPTION = 4
 
 

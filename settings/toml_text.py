@@ -40,7 +40,7 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
         if topic.startswith(PREFIX) and values.get(RELEASE) == "":
             continue
         lines.append(f"[{topic}]")
-        # The lists of tables come last: what follows a [[table]] header belongs to that table.
+        # The lists of tables come last, because all lines after a [[table]] header belong to that table.
         lines += [
             f"{key} = {to_toml_value(value)}"
             for key, value in values.items()

@@ -37,7 +37,7 @@ FAILS = "fails"
 NOT_JUDGED = "not judged"
 #: The options of the command that name a folder of data, which are fields of a bench too.
 DATA_OPTIONS = ("polar", "frost")
-#: Why a number that ours was fitted to is not judged where both agree.
+#: Why a row is not judged if our number was fitted to the other one and both agree.
 _WHY_FITTED = "ours was fitted to it"
 
 
@@ -223,7 +223,7 @@ def load_own_comparison(path: Path) -> Comparison:
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
     if found.needs not in ("", *DATA_OPTIONS):
         raise IcyMoonError(
-            f"{path}: no option gives the folder of needs={found.needs!r}; say "
+            f"{path}: no option gives the folder of needs={found.needs!r}; write "
             f"{' or '.join(map(repr, DATA_OPTIONS))}, or "
             "leave it out and let the file find its data."
         )

@@ -42,7 +42,7 @@ _MOON_CURVE = (
     "Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
     "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal"
 )
-#: The same with a share of back-scattering, and an albedo of grains with which the geometric albedo stays.
+#: The same with a share of back-scattering, and with an albedo of the grains that keeps the geometric albedo.
 SHARPER_LOBE = {"c": 0.6, "w": 0.2521}
 _WHY_SMOOTH = (
     f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER_LOBE['c']:g} and w = "
@@ -69,7 +69,7 @@ class Measured:
     why: str = ""
 
 
-#: Errors of 0.008 and less are of the measurement alone; what five digits of a fit can meet is 0.003.
+#: Errors of 0.008 and less are of the measurement alone; a fit with five digits can come as near as 0.003.
 MEASURED = (
     Measured("enceladus_global", "geometric", 1.375, 0.008, _VERBISCER, fitted=True),
     Measured("enceladus_global", "Bond", 0.81, 0.04, "Howett et al. 2010, Icarus 206, 573", fitted=True),

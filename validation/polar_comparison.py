@@ -54,8 +54,8 @@ _MAX_LAMP_ERROR_M = 0.3
 _MAX_DISPARITY_ERROR_PX = 1.0
 #: Least length in metres of a shadow whose tip is compared; shorter ones are lost between ripples of the sand.
 _MIN_SHADOW_M = 0.15
-#: Largest share of the outlined rocks without a scan: twice what terrain 04 has, whose 28 numbered rocks were all
-#: scanned and have a share of 3.6 % each in the mean.
+#: Largest share of the outlined rocks without a scan. It is twice the share on terrain 04, whose 28 numbered rocks were
+#: all scanned and have a mean share of 3.6 % each.
 _MAX_UNSCANNED_SHARE = 0.02
 #: Largest share of a photograph that may be shadow of the sand alone.
 _MAX_SAND_SHADOW_SHARE = 0.005
@@ -136,7 +136,7 @@ def _render_masks(
     for position, frame in frames.items():
         meshes = write_ground(bench.folder / f"terrain{terrain.name}", frame, sand, terrain.rocks)
         azimuths = sorted({azimuth for view, azimuth in terrain.photographs if view.position == position})
-        for kept in (True, False):  # the same ground one after another is built once
+        for kept in (True, False):  # the same ground is built once if its pairs follow each other
             described += [describe_scene(frame, lamps[azimuth], meshes[kept]) for azimuth in azimuths]
             cases += [(position, azimuth, kept) for azimuth in azimuths]
     pairs = dict(zip(cases, bench.render(described), strict=True))

@@ -30,9 +30,9 @@ from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
 from .polar.scene import Frame, Masks
 
 METHODS = ("bm", "sgbm", "sgbm_wls", "icynet")
-#: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
+#: Largest difference between the shares of wrong or missing pixels in the twin and in the photograph.
 _MAX_SHARE_DIFFERENCE = 0.1
-#: A pixel is judged if it is at least this many pixels inside an outline.
+#: Least distance in pixels from an outline, inside it, of a judged pixel.
 _INSET_PX = 2
 #: Least number of judged pixels of a pair.
 _FEWEST_JUDGED_PX = 100

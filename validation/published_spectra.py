@@ -12,8 +12,8 @@ import numpy as np
 WAVELENGTHS_NM = (400.0, 460.0, 470.0, 550.0, 620.0, 700.0)
 GREEN_INDEX = WAVELENGTHS_NM.index(550.0)
 
-#: Europa's trailing hemisphere: albedo from Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442; and
-#: reflectance, relative to about 700 nm, from the archive of planetary spectra of the USGS.
+#: Europa's trailing hemisphere: albedo by Spencer 1999, from Madden and Kaltenegger 2018, arXiv 1807.11442; and
+#: reflectance relative to about 700 nm, from the USGS's archive of planetary spectra.
 EUROPA_TRAILING = np.array(
     [[0.4506, 0.5094, 0.5278, 0.6110, 0.6307, 0.6394], [0.4674, 0.6731, 0.7026, 0.8459, 0.9425, 1.0066]]
 )

@@ -90,7 +90,7 @@ _DEFAULT: Mapping[str, Mapping[str, Any]] = {
     "mesh": {"edge_px": 8.0, "error_px": 1.0},
     **_LOW,
 }
-#: How a law that is no Lambert's is made in Cycles, and the name of that in scenes.
+#: Ways in which Cycles renders a law other than Lambert's, and their names in scenes.
 _BACKEND_NAMES = {"OSL": "OSL", "NODES": "nodes"}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),

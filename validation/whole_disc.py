@@ -18,7 +18,7 @@ PRESETS = ("hapke_enceladus_global", "hapke_europa_global", "hapke_lunar_like")
 _PHASES_DEG = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
 #: Phase angles in degrees of a quick run; five still give a quadratic fit.
 _QUICK_PHASES_DEG = (0.0, 10.0, 40.0, 80.0, 120.0)
-#: In radii: the disc then spans phase angles of 0.011 degrees.
+#: Distance of the camera in radii of the ball; the disc then spans phase angles of 0.011 degrees.
 _CAMERA_DISTANCE_RADII = 10000.0
 _TOLERANCE = 0.005
 _SOURCE = "integral of the formula in double precision"
@@ -48,7 +48,7 @@ def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[
     formula = photometry.disc_brightness(law, phases)
     ratio = np.array([image.brightness for image in images]) / formula
     worst = int(np.argmax(np.abs(ratio - 1)))
-    # The rendered curve between its phase angles: the formula's, times the ratio of both.
+    # Between its phase angles, the rendered curve is the formula's curve times the ratio of both.
     alpha = np.linspace(0.0, np.pi, 721)
     curve = photometry.disc_brightness(law, alpha) * np.interp(alpha, phases, ratio)
     bond = float(np.trapz(2 * curve * np.sin(alpha), alpha))

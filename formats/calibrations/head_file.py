@@ -36,10 +36,10 @@ from ..toml_lines import Place
 from .options import LENSES, UNITS_M, Stated
 from .registry import read_calibration
 
-#: Bytes of the file at most.
+#: Largest file in bytes.
 _MAX_BYTES = 2**20
 _FIX = "give a file with [[camera]] tables"
-#: Most columns or rows that Blender renders.
+#: Largest number of columns or rows that Blender renders.
 _MAX_PX = 16384
 #: Longest name of a camera; names are used as file names and in tables.
 _LONGEST_NAME = 40

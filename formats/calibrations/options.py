@@ -150,7 +150,7 @@ def to_number_array(value: Any, name: str, *shape: int) -> Array:
     except (TypeError, ValueError):
         raise ValueError(f"{name} is {quote(value)}, not numbers") from None
     if found.size > 10_000 or not np.isfinite(found).all():
-        raise ValueError(f"{name} has a number that is not finite, or too many of them")
+        raise ValueError(f"{name} has a number that is not finite, or too many numbers")
     if shape and found.size != math.prod(shape):
         raise ValueError(f"{name} has {found.size} numbers, not {' x '.join(map(str, shape))}")
     return found.reshape(shape) if shape else found.ravel()

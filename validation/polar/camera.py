@@ -36,12 +36,12 @@ _OUTLINE_ANGLES_RAD = np.radians(np.arange(0.0, 181.0, 15.0))
 _OUTLINE_DIRECTIONS = np.stack([np.cos(_OUTLINE_ANGLES_RAD), -np.sin(_OUTLINE_ANGLES_RAD)])
 #: Part of a scan's height that may be sand and is left out.
 _SAND_SHARE = 0.25
-#: Of each fit: the distance in pixels within which an outline belongs to a rock, and the distance beyond which it
-#: counts less.
+#: For each round of the fit: the distance in pixels within which an outline belongs to a rock, and the distance beyond
+#: which it counts less.
 _FIT_ROUNDS_PX = ((60.0, 15.0), (40.0, 8.0), (30.0, 5.0), (30.0, 4.0))
 _MATCHED_PX = 10.0
-#: Steps for derivatives of the shared parameters: focal length, principal point of left and right eye, distortion, turn
-#: and place of the right eye.
+#: Steps for derivatives of the shared parameters: focal length and principal point of the left and the right eye,
+#: distortion, rotation and position of the right eye.
 _SHARED_STEPS = (1.0,) * 6 + (1e-3,) * 2 + (1e-4,) * 6
 #: Expected deviations of the shared parameters from their start.
 _SHARED_PRIOR = (200.0, 15.0, 15.0, 200.0, 15.0, 15.0, 0.3, 0.3, 0.02, 0.02, 0.02, 0.03, 0.02, 0.02)

@@ -28,7 +28,7 @@ DATA_ADVICE = (
     "get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
     "labels/TT_P_off_AZ_E.txt of a terrain TT into it"
 )
-#: Positions of the eyes and of the lamp in metres as the release's demo states them; yaw of the camera in degrees.
+#: Positions of the eyes and the lamp in metres, and yaw of the camera in degrees, as the release's demo states them.
 SURVEYED_EYES = {
     "A": ((3.541, -0.303, 1.346), (3.532, -0.002, 1.344)),
     "B": ((5.500, -0.303, 1.345), (5.500, -0.002, 1.344)),

@@ -21,11 +21,11 @@ from .skirts import BOUND_M
 _MASK_SCALE = 0.25
 _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 _LAMP_STEPS_M = (0.2, 0.1, 0.05, 0.025, 0.0125)
-#: How far a lamp is expected off its survey, in metres: to the sides as far as the fitted cameras of terrain 04 are off
-#: theirs about their mean (0.2 m of three positions and both axes), in height half as much.
+#: Expected distance in metres of a lamp from its survey. To the sides it is the distance of the fitted cameras on
+#: terrain 04 from their surveys about the mean (0.2 m over three positions and both axes), in height half as much.
 _SURVEY_ERROR_M = np.array([0.2, 0.2, 0.1])
-#: Agreement of shadows that a lamp pays for being off by one such distance: as much as that of both eyes with the same
-#: shadows differs.
+#: Cost, as agreement of shadows, of a lamp that is one such distance from its survey. It is the difference between the
+#: agreements of both eyes with the same shadows.
 _SURVEY_COST = 0.01
 _NODE_STEPS_M = (0.01, 0.005)
 #: Distance in metres from a node within which a shadow must end or run for the node to be fitted.

@@ -19,7 +19,7 @@ from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
 _MASK_SCALE = 0.25
 _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
-#: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
+#: Largest distance, in pixels of the photographs, of a scan from its outline or of a shadow from its rock.
 _NEAR_PX = 10.0
 _REACH_PX = round(_NEAR_PX * _MASK_SCALE)
 _MIN_SCANNED_SHARE = 0.5

@@ -30,13 +30,13 @@ _FINE_EXTENT_M = 2.4
 _FINE_SPACING_M = 0.02
 #: Reach of the coarse part in metres.
 _COARSE_REACH_M = 9.0
-#: Distance in metres from which on the ground becomes level.
+#: Distance in metres at which the ground begins to become level.
 _LEVEL_FROM_M = 2.2
 #: Distance at which it is level.
 _LEVEL_AT_M = 3.4
 _WINDOW_MARGIN_PX = 12
 _SENSOR_MM = 20.0
-#: Apparent diameter of the lamp in degrees. It is not published; this one is chosen.
+#: Apparent diameter of the lamp in degrees, chosen, because none is published.
 LAMP_DEG = 0.5
 _SAMPLES = 4
 #: A pixel shows a rock if the rock is nearer than the sand by more than this, in metres.

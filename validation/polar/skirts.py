@@ -13,13 +13,13 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Angle of repose of dry sand in degrees; that of common sands is within a few degrees of it.
+#: Angle of repose of dry sand in degrees; common sands have this angle to within a few degrees.
 REPOSE_DEG = 35.0
-#: Largest height in metres of sand off a plane: of the skirt above the plane of its edge, and of all sand off the plane
-#: of the sandbox. It is three times the standard deviation of 1.4 cm by which the rims of terrain 04 are off their
-#: plane.
+#: Largest distance in metres of sand from a plane: of a skirt above the plane of its edge, and of all sand from the
+#: plane of the sandbox. It is three times 1.4 cm, the standard deviation of the rims of terrain 04 from their plane.
 BOUND_M = 0.04
-#: How many times normals are averaged over the triangles at a corner: to about a centimetre, since edges have 4 mm.
+#: Number of times that normals are averaged over the triangles at a corner. As edges are 4 mm long, two times average
+#: over about a centimetre.
 _AVERAGING_PASSES = 2
 
 
