@@ -24,7 +24,7 @@ from . import gdal_lines
 from .geotiff import apply_mask, clear_missing, scale_to_metres, warn_unstated_metres
 from .map_frame import MapFrame
 from .map_projection import make_crs_text, states_degrees
-from .placed_pixels import Grid, PlacedImage, Way, interpolate_pixels, open_placed, reverse_range
+from .placed_pixels import PixelGrid, PlacedImage, Way, interpolate_pixels, open_placed_image, reverse_range
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
 
 #: Largest number of pixels of a piece that is read at once, and of a window that is kept for all levels inside it.
@@ -98,7 +98,7 @@ class MapPixels:
         return MapCover(float(np.mean(pixel)), max(edges), min(edges))
 
 
-def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
+def convert_array_to_pixels(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
     """Make pixels from heights (rows, columns) in memory, row 0 northernmost. The centre of the lower left pixel is at
     ``west_m`` and ``south_m``."""
     from_south = heights_m[::-1]
@@ -122,7 +122,7 @@ def read_cover(path: Path, frame: MapFrame) -> MapCover:
 
     def parse(foreign: ForeignBytes) -> MapCover:
         grant_memory(foreign)
-        return _place_pixels(_FileBlocks(foreign, open_placed(foreign, frame), None, 1.0), frame).cover
+        return _place_pixels(_FileBlocks(foreign, open_placed_image(foreign, frame), None, 1.0), frame).cover
 
     return read(path, parse, KIND, FIX, MAX_BYTES)
 
@@ -144,7 +144,7 @@ def read_means(
 
     def parse(foreign: ForeignBytes) -> MapMeans:
         grant_memory(foreign)
-        blocks = _FileBlocks(foreign, open_placed(foreign, frame), missing, height_scale)
+        blocks = _FileBlocks(foreign, open_placed_image(foreign, frame), missing, height_scale)
         found = measure_levels(_place_pixels(blocks, frame), levels, wide_m)
         return MapMeans(found, tuple(blocks.list_warnings()))
 
@@ -245,7 +245,7 @@ def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
         return math.nan, math.nan
 
 
-def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
+def _make_pixel_way(way: Way, grid: PixelGrid, frame: MapFrame) -> Way:
     """Make the conversion from metres around the site to columns and rows, counted from pixel centres."""
 
     def to_pixel(x_m: float, y_m: float) -> tuple[float, float]:
@@ -278,7 +278,7 @@ def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) ->
         rows, columns = _find_window(sums.wide, pixels.shape)
         if len(rows) and len(columns):
             if len(rows) * len(columns) <= _KEPT_PIXELS:
-                pixels = _keep(pixels, rows, columns)
+                pixels = _hold_window_in_memory(pixels, rows, columns)
             for some_rows, some_columns in pixels.cut(rows, columns):
                 sums.add(pixels.read(some_rows, some_columns), some_rows.start, some_columns.start)
         found.append(places.interpolate(sums))
@@ -295,7 +295,7 @@ def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range
     return rows, columns
 
 
-def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
+def _hold_window_in_memory(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
     """Return the same pixels with a window of them in memory."""
     kept = np.empty((len(rows), len(columns)))
     for some_rows, some_columns in pixels.cut(rows, columns):

@@ -17,7 +17,7 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, read
 from . import gdal_lines
 from .map_frame import MapFrame
-from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed
+from .placed_pixels import PixelGrid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed_image
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, grant_memory
 
 #: Number of pixels beside the ground that are kept for interpolation, and largest number of pixels over the ground.
@@ -60,11 +60,11 @@ def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0
 
 def _read(foreign: ForeignBytes, frame: MapFrame, size_m: float, seen_m: float) -> MapImage:
     grant_memory(foreign)
-    placed = open_placed(foreign, frame)
+    placed = open_placed_image(foreign, frame)
     there = PlacedReader(foreign, placed.images, placed.grid)
     pixel = _find_pixel(placed, frame)
     wide_m = max(size_m, min(seen_m, _MAX_SEEN * min(pixel[k] * frame.scale[k] for k in range(2))))
-    found = _cut_out(there, frame, wide_m) if placed.way is None else _project(there, frame, wide_m, placed.way)
+    found = _cut_out(there, frame, wide_m) if placed.way is None else _project_image(there, frame, wide_m, placed.way)
     made = _fill_gaps_with_mean(found, size_m, frame, placed, foreign.name)
     return _frame_by_mean(made) if seen_m > size_m else made
 
@@ -112,7 +112,7 @@ def _cut_out(there: PlacedReader, frame: MapFrame, size_m: float) -> _Cut:
     return _Cut(values, grid.west + columns.start * grid.size[0], grid.south + rows.start * grid.size[1], grid.size)
 
 
-def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _Cut:
+def _project_image(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _Cut:
     """Interpolate the image on cells along the ground's map, as wide as the image's pixels there."""
     west, south, east, north = _find_ground_box(frame, size_m)
     size = _measure_pixel_m(there.grid, frame, way)
@@ -158,7 +158,7 @@ def _interpolate_row(values: Array, x: Array, y: Array, at_y: float) -> Array:
     return np.interp(np.arange(x[-1]) + 0.5, x, (1 - share) * values[k - 1] + share * values[k])
 
 
-def _measure_pixel_m(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, float]:
+def _measure_pixel_m(grid: PixelGrid, frame: MapFrame, way: Way) -> tuple[float, float]:
     """Measure the size of a pixel of the image, in metres along x and y of the ground's map at the origin of the
     site."""
     step = 1.0

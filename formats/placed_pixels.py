@@ -37,7 +37,7 @@ Way = Callable[[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Grid:
+class PixelGrid:
     """The pixel grid of an image, north up and from west to east: its outer south-west corner and the size of a pixel,
     in metres of its map. ``down`` and ``right`` tell whether its rows run south and its columns east in the file."""
 
@@ -88,7 +88,7 @@ class PlacedImage:
 
     images: list[Directory]
     keys: Mapping[int, Any]
-    grid: Grid
+    grid: PixelGrid
     unit_m: float
     way: Way | None
 
@@ -101,7 +101,7 @@ class PlacedImage:
         return west, east, south, north
 
 
-def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
+def open_placed_image(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     """Open the image of a file with its map, for the ground of ``frame``.
 
     Raises UnreadError for a file without a map position, of another body, and in an unsupported projection.
@@ -118,7 +118,9 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
         )
     (east, north), corner = placed
     size = abs(east) * unit, abs(north) * unit
-    grid = Grid(image.shape, corner[0] * unit - size[0] / 2, corner[1] * unit - size[1] / 2, size, north < 0, east > 0)
+    grid = PixelGrid(
+        image.shape, corner[0] * unit - size[0] / 2, corner[1] * unit - size[1] / 2, size, north < 0, east > 0
+    )
     system = read_system(keys, unit)
     same = _is_same_system(keys, system, make_geokeys(image.tags), frame)
     if same and system is not None and system.kind in _ROUND_THE_BODY:
@@ -127,7 +129,7 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     return PlacedImage(images, keys, grid, unit, way)
 
 
-def _shift_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
+def _shift_to_site(grid: PixelGrid, system: MapSystem, frame: MapFrame) -> PixelGrid:
     """Shift the grid of an image around the body by multiples of 360°, so that it is near the site. The image's
     longitudes may count to 180 or to 360."""
     once = project_point(system, system.longitude_deg, 0.0, 1)[0] - project_point(system, system.longitude_deg, 0.0)[0]
@@ -138,7 +140,7 @@ def _shift_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
 class PlacedReader:
     """Reads windows of an image as values: scaled, with their offset, and NaN by missing marks and mask."""
 
-    def __init__(self, foreign: ForeignBytes, images: list[Directory], grid: Grid) -> None:
+    def __init__(self, foreign: ForeignBytes, images: list[Directory], grid: PixelGrid) -> None:
         self.grid, self.name = grid, foreign.name
         self._foreign, self._images = foreign, images
 
@@ -177,7 +179,7 @@ def _is_same_system(
     return geokeys == frame.geokeys or (bool(text) and text == make_crs_text(frame.geokeys.numbers(), 1.0))
 
 
-def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: Grid, name: str) -> Way:
+def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: PixelGrid, name: str) -> Way:
     """Find the conversion from map coordinates of the ground to map coordinates of the image, in metres. Raises
     UnreadError, with the command that projects the image, if it is unknown."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
@@ -206,7 +208,7 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
     return _make_way(ground, system, frame, grid)
 
 
-def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: Grid) -> Way:
+def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: PixelGrid) -> Way:
     """Make the conversion of ``_find_way`` between two projections of a sphere. Longitudes continue beyond the edge of
     the image's map at 180 degrees, in the range of the image."""
 

@@ -29,7 +29,7 @@ class TableCache(Generic[Made]):
         return known[1]
 
 
-def _make_text(keys: Sequence[str], table: Mapping[str, Any]) -> str:
+def _serialize_table(keys: Sequence[str], table: Mapping[str, Any]) -> str:
     return json.dumps([table[key] for key in keys])
 
 
@@ -40,7 +40,7 @@ class SettingsTexts:
         keys: dict[str, list[str]] = {}
         for topic, key in names:
             keys.setdefault(topic, []).append(key)
-        self._made = {topic: TableCache(partial(_make_text, those)) for topic, those in keys.items()}
+        self._made = {topic: TableCache(partial(_serialize_table, those)) for topic, those in keys.items()}
 
     def of(self, settings: Mapping[str, Mapping[str, Any]]) -> str:
         """Return the text of a description."""

@@ -30,7 +30,7 @@ _SHORT_ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 def show_controls(text: str) -> str:
     """Return the text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
-    return text if text.isprintable() else _CONTROL_CHARACTERS.sub(_show_control, text)
+    return text if text.isprintable() else _CONTROL_CHARACTERS.sub(_escape_control_character, text)
 
 
 def show_lines(text: str) -> str:
@@ -38,7 +38,7 @@ def show_lines(text: str) -> str:
     return text if text.isprintable() else "\n".join(map(show_controls, text.split("\n")))
 
 
-def _show_control(found: re.Match[str]) -> str:
+def _escape_control_character(found: re.Match[str]) -> str:
     number = ord(found[0])
     return _SHORT_ESCAPES.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
 
@@ -123,7 +123,7 @@ def flush() -> None:
         _write(sys.stderr, "")
 
 
-def drop_output() -> None:
+def discard_output() -> None:
     """Discard all further output: the standard output has no reader, and Python would report this at its end."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

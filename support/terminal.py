@@ -115,7 +115,7 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
     """Print on standard error why a command has ended. Returns its exit status. An error that neither the user nor the
     system can cause is a defect and is raised again."""
     if isinstance(error, OSError) and is_broken_pipe(error):
-        printer.drop_output()
+        printer.discard_output()
         return 1
     if isinstance(error, KeyboardInterrupt):
         printer.warn(stopped, program)

@@ -143,7 +143,7 @@ _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
 }
 
 
-def read_preset_law(preset: str) -> photometry.Law:
+def read_preset_photometric_law(preset: str) -> photometry.Law:
     """Read the photometric law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
     settings = merged(defaults(), load_preset(preset))
     law = make_law(settings.surface, settings.hapke)
@@ -170,7 +170,7 @@ def find_contradicting_measurement(each: Measured, ours: float) -> Measured | No
 
 
 def _make_measured_row(each: Measured) -> Row:
-    ours = _QUANTITIES[each.quantity](read_preset_law(f"surfaces/hapke_{each.preset}"))
+    ours = _QUANTITIES[each.quantity](read_preset_photometric_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
     other = find_contradicting_measurement(each, ours)
     return Row(
@@ -190,19 +190,19 @@ def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float)
     return float(2.5 * np.log10(near / far) / (far_deg - near_deg))
 
 
-def radiance_factor_at_5_deg(law: photometry.Law) -> float:
+def compute_radiance_factor_at_5_deg(law: photometry.Law) -> float:
     """Compute I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
     return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
 
 
-def opposition_effect(law: photometry.Law) -> float:
+def compute_opposition_effect(law: photometry.Law) -> float:
     """Compute the increase of I/F from an emission and phase angle of 5° to 0°, as a share, for ground that is lit
     along its normal."""
     five, none = law(np.zeros(2), np.radians([5.0, 0.0]), np.zeros(2))
     return float(none / five - 1)
 
 
-def albedo_without_surge(law: photometry.Law) -> float:
+def compute_albedo_without_surge(law: photometry.Law) -> float:
     """Compute the geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
     phases = np.linspace(1.5, 12.0, 8)
     magnitudes = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
@@ -212,7 +212,8 @@ def albedo_without_surge(law: photometry.Law) -> float:
 def _make_europa_rows() -> list[Row]:
     """Make rows of the published numbers of Europa, other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (
-        read_preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
+        read_preset_photometric_law(f"surfaces/hapke_europa_{name}")
+        for name in ("global", "bright_plains", "dark_lineae")
     )
     return [
         *_make_surgeless_rows(whole),
@@ -234,7 +235,7 @@ def _make_europa_rows() -> list[Row]:
 def _make_surgeless_rows(whole: photometry.Law) -> list[Row]:
     """Make rows of Europa's geometric albedo without the narrow surge, and in blue light."""
     colour, error = read_europa_over_green(470.0)
-    extrapolated = albedo_without_surge(whole)
+    extrapolated = compute_albedo_without_surge(whole)
     return [
         Row(
             "`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°",
@@ -297,7 +298,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
     return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
-            opposition_effect(plains) / opposition_effect(whole),
+            compute_opposition_effect(plains) / compute_opposition_effect(whole),
             1.5,
             0.1,
             f"{_HELFENSTEIN}: about 1.5 times what was known before; the error is a guess",
@@ -305,7 +306,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
         ),
         Row(
             "`hapke_europa_dark_lineae`, I/F at emission and phase 5°",
-            radiance_factor_at_5_deg(dark),
+            compute_radiance_factor_at_5_deg(dark),
             0.17,
             0.005,
             f"{_HELFENSTEIN}, 0.56 µm",
@@ -313,7 +314,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
         ),
         Row(
             "`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(dark) / opposition_effect(plains),
+            compute_opposition_effect(dark) / compute_opposition_effect(plains),
             3.0,
             1.0,
             f"{_HELFENSTEIN}: up to four times for the darkest spots, by shadow hiding; taken as 2 to 4",
@@ -323,13 +324,13 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
 
 def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
     """Make rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
-    law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
-    mixed = (1 - share) * radiance_factor_at_5_deg(plains) + share * radiance_factor_at_5_deg(dark)
+    law, preset = read_preset_photometric_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
+    mixed = (1 - share) * compute_radiance_factor_at_5_deg(plains) + share * compute_radiance_factor_at_5_deg(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
     return [
         Row(
             f"{preset}, I/F at emission and phase 5°",
-            radiance_factor_at_5_deg(law),
+            compute_radiance_factor_at_5_deg(law),
             mixed,
             0.003,
             f"no measurement: "
@@ -339,7 +340,7 @@ def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: phot
         ),
         Row(
             f"{preset}, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(law) / opposition_effect(plains),
+            compute_opposition_effect(law) / compute_opposition_effect(plains),
             2.5,
             1.5,
             f"{_HELFENSTEIN}: between bright icy terrains, 1, and the darkest spots, up to 4",
@@ -359,7 +360,7 @@ def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: phot
 def _make_lunar_rows() -> list[Row]:
     """Make rows of the Moon's phase curve, without any fit. They begin at 30°, because the curve has no surge below
     that."""
-    law = read_preset_law("surfaces/hapke_lunar_like")
+    law = read_preset_photometric_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     theirs = 0.026 * phases + 4e-9 * phases**4

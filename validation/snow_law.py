@@ -86,7 +86,7 @@ def _describe_surface(model: str, albedo: float, **changes: object) -> Settings:
     )
 
 
-def lambert_errors() -> tuple[Array, Array]:
+def compute_lambert_errors() -> tuple[Array, Array]:
     """Compute the relative differences of a white Lambert surface from measured snow, on a grid of 5 degrees in
     incidence and emission and 10 degrees in azimuth. Also return the angles (3, n)."""
     i, e, azimuth = (
@@ -126,7 +126,7 @@ def _compare_snow(bench: Bench) -> list[Row]:
     )
     rows = _make_rows(
         "Lambert's law, albedo 1, by the formula",
-        *lambert_errors(),
+        *compute_lambert_errors(),
         0.05,
         "it is no snow of ours; it shows how far a law without a phase function is off",
     )

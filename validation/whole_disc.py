@@ -12,7 +12,7 @@ from ..settings.preset_files import load_preset
 from ..settings.topics.scene import Settings
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
-from .moon_albedos import read_preset_law
+from .moon_albedos import read_preset_photometric_law
 
 PRESETS = ("hapke_enceladus_global", "hapke_europa_global", "hapke_lunar_like")
 _PHASES_DEG = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
@@ -43,7 +43,10 @@ def _measure_mirror_point(image: BallImage) -> float:
 
 
 def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
-    law, name = read_preset_law(f"surfaces/{preset}"), f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}"
+    law, name = (
+        read_preset_photometric_law(f"surfaces/{preset}"),
+        f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}",
+    )
     phases = np.array([image.phase for image in images])
     formula = photometry.disc_brightness(law, phases)
     ratio = np.array([image.brightness for image in images]) / formula

@@ -77,12 +77,12 @@ def _parse(foreign: ForeignBytes) -> dict[str, Any]:
     text = foreign.text()
     if text.lstrip().startswith("<"):
         foreign.budget.charge(16 * len(text), "numbers")
-        return {each.tag: _of_element(each) for each in parse_xml(text, foreign.budget)}
+        return {each.tag: _read_element(each) for each in parse_xml(text, foreign.budget)}
     foreign.budget.charge(32 * len(text), "numbers")
     return parse_json(text) if text.lstrip().startswith("{") else parse_yaml(text)
 
 
-def _of_element(element: Element) -> Any:
+def _read_element(element: Element) -> Any:
     """Return the value of a FileStorage element: a mapping of its children, a number, several numbers, or a text."""
     if len(element):
         return {each.tag: each.text or "" for each in element}

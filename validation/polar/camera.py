@@ -177,7 +177,7 @@ def _step_gauss_newton(
     return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
 
 
-def _take_shared(coarse: Array) -> Array:
+def _make_shared_parameters(coarse: Array) -> Array:
     """Convert the parameters that ``_find_pose`` fits to the shared parameters of eyes that are side by side and
     undistorted."""
     focal_px, x_px, y_px = coarse[0], *coarse[7:]
@@ -209,7 +209,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
     def projected(x: Array) -> list[Array]:
-        return [_make_eye(_take_shared(x), position, eye, x[1:7]).project(middles) for eye in EYES]
+        return [_make_eye(_make_shared_parameters(x), position, eye, x[1:7]).project(middles) for eye in EYES]
 
     def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
@@ -262,7 +262,9 @@ def fit_camera(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     outlines = _Outlines(terrain.rocks)
-    x = np.concatenate([_take_shared(poses[positions[0]]), *(poses[position][1:7] for position in positions)])
+    x = np.concatenate(
+        [_make_shared_parameters(poses[positions[0]]), *(poses[position][1:7] for position in positions)]
+    )
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])

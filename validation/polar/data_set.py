@@ -19,7 +19,7 @@ from ...physics.triangle_files.obj import parse_triangles
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read
-from .skirts import find_skirt, open_corners
+from .skirts import find_open_corners, find_skirt
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
@@ -77,7 +77,7 @@ class Rock:
     @cached_property
     def rim(self) -> Array:
         """Vertices (n, 3) on the open edges; all vertices if there are no open edges."""
-        corners = open_corners(self.faces)
+        corners = find_open_corners(self.faces)
         return np.asarray(self.vertices[corners] if len(corners) else self.vertices)
 
 

@@ -56,18 +56,18 @@ class Sand:
 
     def heights(self, xy: Array) -> Array:
         """Return the heights (n,), m, of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
-        known = _gaussian_bumps(self.middles, self.middles) + (_HEIGHT_ERROR_M / _PRIOR_SPREAD_M) ** 2 * np.eye(
+        known = _evaluate_gaussians(self.middles, self.middles) + (_HEIGHT_ERROR_M / _PRIOR_SPREAD_M) ** 2 * np.eye(
             len(self.middles)
         )
-        off = _gaussian_bumps(xy, self.middles) @ np.linalg.solve(known, self.offs)
+        off = _evaluate_gaussians(xy, self.middles) @ np.linalg.solve(known, self.offs)
         used = np.nonzero(self.raised)[0]
-        off += _gaussian_bumps(xy, self.nodes[used]) @ self.raised[used]
+        off += _evaluate_gaussians(xy, self.nodes[used]) @ self.raised[used]
         return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
         """Return the height (n,) that node ``k`` adds to the surface at points (n, 2), per metre that the node is
         raised."""
-        return _gaussian_bumps(xy, self.nodes[k][None])[:, 0]
+        return _evaluate_gaussians(xy, self.nodes[k][None])[:, 0]
 
     def visible(self, rock: Rock) -> tuple[Array, Array]:
         """Return the vertices and triangles of the part of a rock above the sand. Vertices below the sand are moved up
@@ -79,7 +79,7 @@ class Sand:
         return raised, rock.faces[up[rock.faces].any(axis=1) & ~rock.skirt]
 
 
-def _gaussian_bumps(xy: Array, middles: Array) -> Array:
+def _evaluate_gaussians(xy: Array, middles: Array) -> Array:
     """Evaluate Gaussians about middles (k, 2) at points (n, 2); returns (n, k)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
     return np.asarray(np.exp(-apart / (2 * SMOOTHING_LENGTH_M**2)))

@@ -237,14 +237,14 @@ def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
     rock = np.nan_to_num(nearer, nan=0.0) > _MIN_GAP_M
     light, full = (view.radiance.mean(axis=-1) for view in (here, bare))
     # Light falls with the square of the distance to the lamp.
-    squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2
+    squared = _compute_distances_to_lamp(with_rocks, name, here.depth) ** 2
     lit = np.nanmedian(full * squared)
     seen = ~np.isnan(bare.depth)
     dark = ((light < _SHADOW_SHARE * full) | (light * squared < _DARK_SHARE * lit)) & seen
     return Twin(rock, dark & ~rock, (full * squared < _DARK_SHARE * lit) & seen, light, here.depth)
 
 
-def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
+def _compute_distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
     """Compute the distance (H, W), m, from the lamp to the surface that each pixel of an eye sees; NaN for sky."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][name])
     u, v = (

@@ -23,7 +23,7 @@ BOUND_M = 0.04
 _AVERAGING_PASSES = 2
 
 
-def open_corners(faces: Array) -> Array:
+def find_open_corners(faces: Array) -> Array:
     """Return the indices of the vertices on the open edges of triangles (m, 3); none if they are closed."""
     edges = np.sort(np.concatenate([faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
@@ -49,13 +49,13 @@ def fit_rim_plane(rim: Array, middle: Array) -> Array:
 def find_skirt(vertices: Array, faces: Array) -> Array:
     """Find which of the triangles ``faces`` (m, 3) of a scan with ``vertices`` (n, 3), m, are sand. Returns a mask
     (m,)."""
-    edge = open_corners(faces)
+    edge = find_open_corners(faces)
     if not len(edge):
         return np.zeros(len(faces), bool)
     middles = vertices[faces].mean(axis=1)
     plane = fit_rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
     above = middles[:, 2] - plane[0] - (middles[:, :2] - middles[:, :2].mean(axis=0)) @ plane[1:]
-    flat = (_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
+    flat = (_measure_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
     reached = np.zeros(len(vertices), bool)
     reached[edge] = True
     skirt = np.zeros(len(faces), bool)
@@ -65,7 +65,7 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
     return skirt
 
 
-def _steepness(vertices: Array, faces: Array) -> Array:
+def _measure_steepness(vertices: Array, faces: Array) -> Array:
     """Compute the angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a
     right angle for triangles that face down."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
