@@ -251,7 +251,7 @@ def _make_scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, dept
     apart = np.abs(seen[both] / depth[both] - 1)
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
     allowed = _BOUNCED_TOLERANCE if scene.bounces else _DIRECT_TOLERANCE
-    source = f"Mitsuba 3, {scene.samples} samples, the exported scene"
+    source = f"Mitsuba 3 rendered the exported scene with {scene.samples} samples per pixel"
     found = [
         Row(
             f"{scene.name}: mean radiance over Mitsuba's",
