@@ -336,7 +336,7 @@ def _run_verify(options: argparse.Namespace) -> int:
 
 
 def _describe_reference(found: Findings) -> str:
-    """Name the reference of a comparison of pairs in a word."""
+    """Return the reference with which pairs are compared: "planned" or "stated"."""
     return "planned" if found.has_plan else "stated"
 
 

@@ -377,9 +377,9 @@ def _find_any_eyes(
 def _read_ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """The left and the right camera in the axes of the rectified left camera, and sentences if they are of the
-    rectified images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified camera.
-    """
+    """Read the left and the right camera in the axes of the rectified left camera. Also return sentences if they are of
+    the rectified images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified
+    camera."""
     left, right = paths
     cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:

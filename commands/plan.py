@@ -154,7 +154,7 @@ def _make_bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
 
 
 def _make_refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, with the reason for the first such pair, if any."""
+    """Make a line on the pairs that a render will set aside, with the reason for the first such pair, if any."""
     refused = plan.refused()
     if not refused:
         return []

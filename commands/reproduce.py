@@ -136,7 +136,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 
 def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
-    """Find the user's files that replace stand-ins. Raises IcyMoonError if there are none."""
+    """Find the user's files that replace stand-ins. Raises IcyMoonError if no file does."""
     own = find_own_files([pair for part in parts.values() for pair in part.pairs], [folder.absolute()])
     if not own:
         raise IcyMoonError(
@@ -222,7 +222,7 @@ def _open_output(as_json: bool) -> Iterator[Event]:
 
 
 def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
-    """List the pairs of each evaluation, without those of the figures, which no matcher evaluates."""
+    """List the pairs of each evaluation. Pairs of the figures are left out, because no matcher evaluates them."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     return [pair for part, _, _ in EVALUATIONS.values() for pair in parts[part].pairs]

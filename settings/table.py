@@ -77,7 +77,8 @@ def list_differing_settings(one: Settings, other: Settings) -> list[tuple[str, S
 
 
 def list_ground_settings() -> dict[str, tuple[str, str]]:
-    """Name (topic, key) of the seed, and of each number of a patch of ground and all of its landforms, by a keyword.
+    """List the settings (topic, key) of a patch of ground by a keyword: the seed, each number of the terrain, and all
+    of its landforms.
 
     The radius of the body is left out, because a patch is flat.
     """

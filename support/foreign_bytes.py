@@ -526,7 +526,7 @@ def _read_array(cursor: Cursor, kinds: str) -> Array:
 
 
 def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub") -> dict[str, Array]:
-    """Parse the arrays of an archive in numpy's format by name: all, or those of ``wanted`` that it has.
+    """Parse the arrays of an archive in numpy's format by name: all, or the ``wanted`` ones that it has.
 
     Raises ValueError if it is damaged or an array has another type, OverBudgetError if they are too large.
     """

@@ -197,7 +197,7 @@ def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
 
 
 class _Stream:
-    """The current standard stream, for rich. Its errors are as in ``say``, or there are none, as in ``warn``."""
+    """The current standard stream, for rich. It raises errors as ``say`` does, or never, as ``warn``."""
 
     def __init__(self, name: str) -> None:
         self._name = name

@@ -153,7 +153,7 @@ def read_preset_photometric_law(preset: str) -> photometry.Law:
 
 def find_contradicting_measurement(each: Measured, ours: float) -> Measured | None:
     """Find another measurement of the same number that agrees with ours but contradicts this measurement: they differ
-    by more than the sum of their errors. None if there is none.
+    by more than the sum of their errors. None if no measurement does.
 
     No number can agree with both, so a preset cannot be judged by the measurement with which it disagrees.
     """

@@ -126,8 +126,8 @@ def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
 
 
 def find_extreme_points(points: Array, count: int = 300) -> Array:
-    """Return those of the points (n, 3) that are farthest in at least one of ``count`` directions; only they can be on
-    an outline."""
+    """Return the points, of (n, 3), that are farthest in at least one of ``count`` directions; only they can be on an
+    outline."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
     toward = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)])

@@ -95,7 +95,7 @@ def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
 
 
 def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
-    """Select those of the points (n, 3) that cast the outline of the shadow on level sand."""
+    """Select the points, of (n, 3), that cast the outline of the shadow on level sand."""
     cast = trace_lamp_to_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_OUTLINE_DIRECTIONS) / _OUTLINE_DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
