@@ -309,7 +309,7 @@ def read_rectified_rig(
 
 
 def _make_pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
-    """Make a camera of rectified images. Raises IcyMoonError if it has distortion, or no square pixels."""
+    """Make a camera of rectified images. Raises IcyMoonError if it has distortion, or pixels that are not square."""
     plain = convert_to_brown(camera)
     lens = plain.lens if plain else None
     if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):

@@ -74,7 +74,7 @@ class ReturnWriter:
         waves: tuple[Waves, Waves] | None = None,
     ) -> None:
         """Append returns (k,), further arrays (k,) by name, false alarms (None for a scan without a detector), and the
-        packets of both with their waveforms. Raises IcyMoonError if the disk refuses."""
+        waveform packets of both. Raises IcyMoonError if the disk refuses."""
         row, column, time_s = find_cells(returns.beam, self._pattern)
         arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)} | beside
         arrays |= {"row": row, "column": column, "time_s": time_s}

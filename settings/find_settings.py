@@ -66,7 +66,8 @@ class WordIndex:
 
     def _match_words(self, typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
         """Find the words of entries that match a typed word, with a distance: the word itself, words that begin with
-        it, and words that contain it. The last takes four letters or more, because 'own' is in 'known' by chance."""
+        it, and words that contain it. The latter count only for four typed letters or more, because 'own' is in 'known'
+        by chance."""
         beginning = frozenset(word for word in self._words if word.startswith(typed))
         inside = frozenset(word for word in self._words if typed in word) if len(typed) > 3 else frozenset()
         return (0.0, frozenset({typed})), (_INSIDE / 2, beginning), (_INSIDE, inside)
