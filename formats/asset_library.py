@@ -81,8 +81,8 @@ def find_files(folder: Path) -> list[Path]:
 
 
 def install_library(made: Path, folder: Path) -> list[Path]:
-    """Copy the .blend files in the folder ``made`` into a library, and remove its earlier ones. Returns the new paths.
-    No file is ever half-written. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
+    """Copy the .blend files in the folder ``made`` into a library, and remove its earlier files. Returns the new paths.
+    Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
     names = sorted(path.relative_to(made).as_posix() for path in made.glob("*/*.blend"))
     earlier = find_files(folder)
     listed = sorted({*names, *(path.relative_to(folder).as_posix() for path in earlier)})

@@ -79,7 +79,7 @@ def warn(text: str, program: str = "icymoon") -> None:
 
 
 def rewrite_line(text: str) -> None:
-    """Replace the last line of the standard error by a text, if that is a terminal. Never raises."""
+    """Replace the last line of the standard error by a text, if standard error is a terminal. Never raises."""
     with suppress(OSError, ValueError, AttributeError):
         if sys.stderr.isatty():
             _write(sys.stderr, f"\r\033[K{show_controls(text)}")
