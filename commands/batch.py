@@ -120,7 +120,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
-    """The options of workers from ``add_worker_options``. Raises IcyMoonError for invalid values."""
+    """Read the options of workers that ``add_worker_options`` added. Raises IcyMoonError for invalid values."""
     check_least(options, 1, "workers", "threads_per_worker", "scenes_per_worker")
     cards = choose_cards(options.cards)
     count = options.workers or (len(cards.numbers) if options.cards else 0) or choose_worker_count()
@@ -145,7 +145,7 @@ def _raise_interrupt(number: int, frame: object) -> None:
 def render_missing(
     dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None
 ) -> int:
-    """Render the missing pairs among ``pairs``; the exit status is 1 if some were set aside, else 0."""
+    """Render the missing pairs among ``pairs``. Returns the exit status: 1 if some pairs were set aside, else 0."""
     set_stop_handler(_raise_interrupt)
     failed: dict[str, str] = {}
     try:
@@ -167,9 +167,8 @@ def render_missing(
 
 
 def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.FrozenPlan:
-    """Freeze a plan into its folder; return the data set, with its pairs in render order. Raises IcyMoonError if the
-    ``blender``, where given, cannot render the pairs.
-    """
+    """Freeze a plan into its folder. Returns the data set, with its pairs in render order. Raises IcyMoonError if
+    ``blender``, where given, cannot render the pairs."""
     from ..render.plans.plan_file import find_plan, read_plan
     from .plan import check_plan
 
@@ -209,10 +208,10 @@ def _run_batch(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[None]:
-    """Match pairs as they are completed, in a process of lower priority, if the options ask for that.
+    """Match pairs as they are completed, in a process of lower priority, if the options ask for it.
 
-    At the end the pair in progress is finished. If rendering is stopped the process is ended at once. Its errors are
-    not shown, since the evaluation that follows reports them.
+    At the end the process finishes its pair. If rendering is stopped, the process is ended at once. Its errors are not
+    shown, because the evaluation that follows reports them.
     """
     if not options.evaluate:
         yield
@@ -245,7 +244,7 @@ def _evaluate_pairs(dataset: Path, options: argparse.Namespace) -> int:
 def _make_evaluation_command(
     dataset: Path, options: argparse.Namespace, *more: str
 ) -> tuple[list[str], dict[str, str] | None]:
-    """The command that matches the pairs, and its environment (None: ours)."""
+    """Return the command that matches the pairs, and its environment (None: ours)."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
     words += [] if options.maps is None else ["--maps", str(options.maps)]
     return python_command(
@@ -337,12 +336,12 @@ def _run_verify(options: argparse.Namespace) -> int:
 
 
 def _describe_reference(found: Findings) -> str:
-    """The reference of a comparison of pairs, in a word."""
+    """Return the reference with which pairs are compared: "planned" or "stated"."""
     return "planned" if found.has_plan else "stated"
 
 
 def _describe_fix(found: Findings, removed: bool) -> str:
-    """A clause on the fix for a data set with problems."""
+    """Return a clause on the fix for a data set with problems."""
     if not found.has_plan and found.complete == found.pairs:
         return "follow the fix in each line"
     if not found.has_plan:

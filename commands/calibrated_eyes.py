@@ -42,7 +42,7 @@ SQUARE_PIXEL_TOLERANCE = 1e-3
 
 
 def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
-    """The rig of a calibration. Raises IcyMoonError unless it has two cameras."""
+    """Return the rig of a calibration. Raises IcyMoonError unless it has two cameras."""
     count = len(reading.rig.cameras)
     if count != 2:
         raise IcyMoonError(
@@ -53,7 +53,7 @@ def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
 
 
 def find_why_calibrated(rig: CalibratedRig) -> str:
-    """The reason why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
+    """Find why one camera cannot represent both eyes of a pair. Returns a clause, empty if it can."""
     left, right = rig.cameras
     if left.size_px != right.size_px:
         return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
@@ -78,7 +78,8 @@ def find_why_calibrated(rig: CalibratedRig) -> str:
 
 
 def _list_shared_parameters(camera: CalibratedCamera) -> Array:
-    """The parameters that two identical eyes share, in px at a focal length off the axis."""
+    """Return the parameters that two identical eyes share, each in px; distortion is taken at a focal length from the
+    axis."""
     lens = camera.lens
     k = lens.coefficients[:5] if isinstance(lens, Brown) else ()
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
@@ -92,9 +93,9 @@ def make_calibrated_settings(
     stated: Stated = Stated(),  # noqa: B008
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences for the user about them.
+    """Make the settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences about them for the user.
 
-    ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
+    ``rig`` is their rectified pair. Its overscan shows everything that both eyes see, if that is not too much. Raises
     IcyMoonError for eyes that are swapped, one above the other or at one position, and for a lens that folds the image.
     """
     where = " and ".join(map(str, paths))
@@ -134,8 +135,8 @@ def make_calibrated_settings(
 def make_rig_table(
     size_px: tuple[int, int], focal_px: float, centre_px: tuple[float, float], baseline_m: float
 ) -> dict[str, Any]:
-    """The settings of the table ``rig`` of two parallel eyes; the principal point ``centre_px`` is counted from the
-    centre of the first pixel."""
+    """Make the table ``rig`` of the settings of two parallel eyes. The principal point ``centre_px`` is counted from
+    the centre of the first pixel."""
     (width, height), (cx_px, cy_px) = size_px, centre_px
     width_mm = defaults().rig.sensor_width_mm
     return {
@@ -151,8 +152,8 @@ def make_rig_table(
 
 
 def complete_eyes(found: Settings) -> Settings:
-    """The settings of a calibration, completed by the defaults of a rig and its eyes, to replace earlier settings:
-    distortion, toe-in, overscan and lens."""
+    """Complete the settings of a calibration by the defaults of a rig and its eyes, so that they replace earlier
+    settings of distortion, toe-in, overscan and lens."""
     unsaid = defaults()
     keys = [key for key in unsaid.rig if key in _OF_THE_LENS or key.startswith("distortion_")]
     rig = {**{key: unsaid.rig[key] for key in keys}, **found.rig}
@@ -167,7 +168,7 @@ _OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
 @dataclass(frozen=True)
 class _Rectified:
     """The rectified pair of two cameras: the rotation (3, 3) of each camera into the pair, the common camera of the
-    pair, and the x component of the right eye's t."""
+    pair, and the x component, m, of the right eye's t."""
 
     turns: tuple[Array, Array]
     size_px: tuple[int, int]
@@ -178,9 +179,8 @@ class _Rectified:
 
 
 def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified:
-    """Rectify the rig of a calibration: by two ROS files of one pair, else by OpenCV's rotations with
-    the mean focal length and the mean principal point of both eyes, as shares of the larger size.
-    """
+    """Rectify the rig of a calibration. Two ROS files of one pair state how. Otherwise OpenCV's rotations are used,
+    with the mean focal length of both eyes and the mean of their principal points as shares of the larger size."""
     stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []
     first, second = stated or make_ros_pair(rig)
     size = (
@@ -194,6 +194,6 @@ def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified
         shares = [(np.array([camera.cx_px, camera.cy_px]) + 0.5) / camera.size_px for camera in rig.cameras]
         p[:2, 2] = np.mean(shares, axis=0) * size - 0.5
     turns = nearest_rotation(first.rectification), nearest_rotation(second.rectification)
-    # The file of either eye may state the baseline, so that exchanged files are told as such.
+    # The file of either eye may state the baseline, so that exchanged files are reported as exchanged.
     along_m = float(p[0, 3] / p[0, 0] - first.projection[0, 3] / first.projection[0, 0])
     return _Rectified(turns, size, float(p[0, 0]), float(p[0, 2]), float(p[1, 2]), along_m)

@@ -18,23 +18,24 @@ _SHORT_BASELINE_M, _LIKELY_BASELINE_M = 0.003, 5.0
 
 
 def selects_by_name(kind: str, chosen: str | None) -> bool:
-    """Return whether ``--cameras`` or the order within one file selects the cameras, instead of one file for each."""
+    """Return whether ``--cameras`` or their order in one file selects the cameras. False if each camera has its own
+    file."""
     return chosen is not None or not FORMATS[kind].each
 
 
 def describe_exchange(names: Sequence[str]) -> str:
-    """The fix for eyes in the wrong order: of files for each eye, or of two ``names`` in one file."""
+    """Return the fix for eyes in the wrong order: two files, or two ``names`` in one file."""
     return f"add --cameras {names[1]},{names[0]}" if all(names) else "give it first"
 
 
 def describe_exchanged(second: str, first: str, aside_m: float, names: Sequence[str]) -> str:
-    """A sentence on eyes in the wrong order: the ``second`` one stands ``aside_m`` to the left of the ``first`` one.
-    ``names`` are as in ``describe_exchange``."""
+    """Return a sentence on eyes in the wrong order: the ``second`` eye stands ``aside_m`` to the left of the ``first``
+    eye. ``names`` are as in ``describe_exchange``."""
     return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {describe_exchange(names)}."
 
 
 def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
-    """A sentence if the second camera of a pair is to the left of the first camera."""
+    """Return a sentence if the second camera of a pair is to the left of the first camera."""
     if len(rig.cameras) != 2:
         return []
     first, second = rig.cameras
@@ -46,7 +47,7 @@ def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
 
 
 def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, stated: Stated) -> list[str]:
-    """A sentence if the baseline in metres is likely in another unit.
+    """Return a sentence if the baseline, stated in metres, is likely in another unit.
 
     Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number in the file.
     """
@@ -71,8 +72,8 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
 
 
 def check_focal_length(focal_px: float, size_px: tuple[int, int], where: str) -> None:
-    """Raise IcyMoonError if a focal length is likely not in pixels: too short for any image of this size, or too
-    long."""
+    """Raise IcyMoonError if a focal length is likely not in pixels: too short or too long for any image of this
+    size."""
     focal = TOPICS["rig"]["focal_length_mm"]
     mm = focal_px / size_px[0] * defaults().rig.sensor_width_mm
     if focal.minimum <= mm <= focal.maximum:

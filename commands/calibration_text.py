@@ -15,7 +15,7 @@ from ..support.arrays import Array
 
 
 def describe_rig(rig: CalibratedRig) -> Iterator[str]:
-    """The lines of all cameras, with the position and direction of each relative to the first camera."""
+    """Describe all cameras in lines, each with its position and direction relative to the first camera."""
     for number, camera in enumerate(rig.cameras):
         yield from _describe(camera, camera.name or f"camera {number + 1}")
         if number:
@@ -44,7 +44,7 @@ def _describe(camera: CalibratedCamera, name: str) -> Iterator[str]:
 
 
 def _list_coefficients(lens: LensModel) -> str:
-    """The coefficients of a lens with their names."""
+    """Name the coefficients of a lens with their values."""
     if isinstance(lens, Cahvore):
         vectors = {"O": lens.axis, "R": lens.radial, **({} if lens.pupil is None else {"E": lens.pupil})}
         return ", ".join(f"{letter} = ({_words(vector)})" for letter, vector in vectors.items())
@@ -55,8 +55,8 @@ def _list_coefficients(lens: LensModel) -> str:
 
 
 def _measure_field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool]:
-    """The field of view in degrees along an axis through the principal point, 0 if it sees nothing, and whether both
-    borders see something."""
+    """Measure the field of view in degrees along an axis through the principal point, 0 if it sees nothing. Also return
+    whether both borders see something."""
     size = camera.size_px[axis]
     places = np.array([[camera.cx_px, camera.cy_px]] * (4 * size + 1))
     places[:, axis] = np.linspace(-0.5, size - 0.5, len(places))

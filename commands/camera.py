@@ -118,7 +118,7 @@ def read_stated_facts(options: argparse.Namespace) -> Stated:
 
 
 def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
-    """Sizes such as 640x480,1280x960. Raises ArgumentTypeError."""
+    """Parse sizes such as 640x480,1280x960. Raises ArgumentTypeError."""
     found = []
     for size in text.split(","):
         words = size.strip().lower().split("x")
@@ -220,10 +220,10 @@ def read_rig(
 ) -> tuple[Settings, list[str]]:
     """Read ``rig`` settings in which both eyes share one camera, and sentences on fitted, averaged and omitted values.
 
-    The sensor has the default width, since a calibration states lengths in pixels only. Both eyes have one lens:
-    the mean of both lenses if they differ. Eyes that are not parallel, not alike or have lenses that a rig
-    lacks give the rig of their rectified images. Raises IcyMoonError if camera models of JPL are not parallel and side
-    by side, if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
+    The sensor has the default width, since a calibration states lengths in pixels only. Both eyes have one lens, the
+    mean of both lenses if they differ. If the eyes are not parallel or not alike, or have lenses that a rig lacks, the
+    rig is the rig of their rectified images. Raises IcyMoonError if camera models of JPL are not parallel and side by
+    side, if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
     """
     return _read_alike(paths, most_px, stated, kind, names)
 
@@ -236,7 +236,7 @@ def _read_alike(
     names: str | None,
     reading: Reading | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The result of ``read_rig``, from cameras that were read before, if given."""
+    """Do the work of ``read_rig``, with the cameras that were read before, if given."""
     where = " and ".join(map(str, paths))
     kinds = {kind or format_of(path) for path in paths}
     stated_in = "the translation is"
@@ -272,7 +272,7 @@ def read_rectified_rig(
 ) -> tuple[Settings, CalibratedRig, list[str]]:
     """Read the ``rig`` settings of already rectified images, their two cameras, and sentences on assumptions.
 
-    Of ROS' files, ``projection_matrix`` is the camera of the rectified images. Other calibrations have to be of the
+    In ROS' files, ``projection_matrix`` is the camera of the rectified images. Other calibrations must belong to the
     rectified images themselves. Raises IcyMoonError for one with distortion, or with eyes that are not parallel.
     """
     where = " and ".join(map(str, paths))
@@ -309,7 +309,7 @@ def read_rectified_rig(
 
 
 def _make_pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
-    """A camera of rectified images. Raises IcyMoonError for one with distortion, or without square pixels."""
+    """Make a camera of rectified images. Raises IcyMoonError if it has distortion, or pixels that are not square."""
     plain = convert_to_brown(camera)
     lens = plain.lens if plain else None
     if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):
@@ -331,8 +331,8 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
 
 
 def _make_rig_settings(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
-    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for a
-    focal length that is not in pixels."""
+    """Make the ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and
+    for a focal length that is not in pixels."""
     check_focal_length(lens.focal_px, size_px, where)
     camera = CalibratedCamera(*size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px, Brown(lens.k))
     if dark := camera.dark_share():
@@ -354,14 +354,15 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | None) -> bool:
-    """Whether content that only JPL's or ROS' files have is used: vectors of two models, or a rectified pair."""
+    """Return whether content that only JPL's or ROS' files have is used: the vectors of two models, or a rectified
+    pair."""
     return kinds in ({"cahv"}, {"ros"}) and len(paths) == 2 and names is None
 
 
 def _find_any_eyes(
     reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras of a calibration in any format, in the form of ``_read_ros_eyes``."""
+    """Find two cameras in a calibration of any format, in the form of ``_read_ros_eyes``."""
     rig = make_rig_of_calibration(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
@@ -376,9 +377,9 @@ def _find_any_eyes(
 def _read_ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """The left and the right camera in the axes of the rectified left camera, and sentences if they are of the
-    rectified images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified camera.
-    """
+    """Read the left and the right camera in the axes of the rectified left camera. Also return sentences if they are of
+    the rectified images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified
+    camera."""
     left, right = paths
     cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:
@@ -425,8 +426,8 @@ def _refuse_no_focal_length(path: Path, camera: RosCamera) -> None:
 
 
 def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
-    """The reason why a rig here needs the rectified images of two cameras, as a clause; None if it can use their own
-    images.
+    """Find why a rig needs the rectified images of two cameras. Returns a clause, or None if the rig can use the
+    cameras' own images.
 
     Each eye states its rotation into the axes of the rectified pair.
     """
@@ -450,7 +451,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
 
 
 def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
-    """The camera of an eye, or of its rectified images. Raises IcyMoonError if their pixels are not square."""
+    """Make the camera of an eye, or of its rectified images. Raises IcyMoonError if their pixels are not square."""
     if rectified and not _has_square_pixels(camera.projection):
         fix = (
             "calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
@@ -479,7 +480,7 @@ def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
 
 
 def _measure_angle_between(first: Array, second: Array) -> float:
-    """The angle between two rotations (3, 3), rad."""
+    """Measure the angle, rad, between two rotations (3, 3)."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
@@ -522,7 +523,7 @@ def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple
 
 
 def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
-    """The differences of two lenses in focal length, principal point and distortion, px."""
+    """Measure the differences of two lenses in focal length, principal point and distortion, px."""
     return (
         abs(left.focal_px - right.focal_px),
         float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
@@ -531,7 +532,7 @@ def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
 
 
 def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
-    """The differences of two lenses that prevent one mean lens, in words; else empty."""
+    """Describe the differences of two lenses that prevent one mean lens, in words; empty if nothing prevents it."""
     focal, centre, bent = _measure_differences(left, right)
     if max(focal, bent) <= _MAX_FOCAL * left.focal_px and centre <= _MAX_CENTRE * width_px:
         return ""
@@ -539,7 +540,7 @@ def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
 
 
 def _describe_rectification(left: _Eye, right: _Eye) -> str:
-    """The fix for models of two eyes that are not parallel: the rectified models that our own exports write beside
+    """Return the fix for models of two eyes that are not parallel. Our own exports write the rectified models beside
     them."""
     paths = left.path, right.path
     beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in paths]
@@ -558,8 +559,8 @@ def _describe_rectification(left: _Eye, right: _Eye) -> str:
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
-    """Raise IcyMoonError unless the right eye is on the x axis of the left eye, with the same direction; ``fix`` is the
-    remedy."""
+    """Raise IcyMoonError unless the right eye is on the x axis of the left eye and has the same direction. ``fix`` is
+    the remedy."""
     first, second = left.rotation, right.rotation
     turned = _measure_angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))

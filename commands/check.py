@@ -72,13 +72,14 @@ def _run_check(options: argparse.Namespace) -> int:
 
 
 def _measure_processor_s() -> float:
-    """Processor seconds of this process and of its ended child processes; on Windows without the child processes."""
+    """Return the processor seconds of this process and of its ended child processes; on Windows without the child
+    processes."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def _measure(folder: Path, out: Path) -> Iterator[str]:
-    """Print each comparison of a rendered pair with its known truth, and yield a clause for each that fails."""
+    """Print each comparison of a rendered pair with its known truth. Yield a clause for each that fails."""
     from ..render.pairs.pair_folder import read_pair
     from ..stereo.evaluate import evaluate
     from ..stereo.images.exr import read_view

@@ -21,7 +21,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def find_all_plugins() -> dict[str, Found]:
-    """The plug-ins of this Python by kind."""
+    """Find the plug-ins of this Python, by kind."""
     from ..stereo import export, matchers
     from ..stereo.measure import plug_in as metrics
 
@@ -34,7 +34,7 @@ def find_all_plugins() -> dict[str, Found]:
 
 
 def run_checks(plugin: Plugin) -> Iterator[Check]:
-    """All checks of a plug-in, up to the first failure that makes the other checks meaningless."""
+    """Run all checks of a plug-in, up to the first failure that makes the other checks meaningless."""
     yield from check_package(plugin)
     if plugin.kind == "landform":
         yield from check_landform(plugin)

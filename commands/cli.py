@@ -148,7 +148,7 @@ def main(arguments: list[str]) -> int:
 
 
 def make_parser(only: str | None = None) -> argparse.ArgumentParser:
-    """The parser of the command line, with the arguments of one verb ``only``, or of all verbs."""
+    """Make the parser of the command line, with the arguments of one verb ``only``, or of all verbs."""
     parser = Parser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
     parser.add_argument("--version", action="version", version=version())
     verbs = parser.add_subparsers(required=True, metavar="VERB")

@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _check_evaluator(python: str) -> dict[str, Any]:
-    """The evaluator's report on a Python. Raises IcyMoonError if the Python cannot be run or gives no report."""
+    """Get the evaluator's report on a Python. Raises IcyMoonError if the Python cannot be run or gives no report."""
     try:
         done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
         found = parse_json(done.stdout)
@@ -58,7 +58,7 @@ def _check_evaluator(python: str) -> dict[str, Any]:
 
 
 def examine_blender(executable: str) -> list[Finding]:
-    """Findings on a Blender, or on a Python with ``bpy``."""
+    """Examine a Blender, or a Python with ``bpy``. Returns the findings."""
     found = shutil.which(executable)
     if not found:
         return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
@@ -95,7 +95,7 @@ def examine_blender(executable: str) -> list[Finding]:
 
 
 def examine_evaluator(python: str) -> list[Finding]:
-    """Findings on the Python of the evaluator."""
+    """Examine the Python of the evaluator. Returns the findings."""
     try:
         facts = _check_evaluator(python)
     except IcyMoonError as error:
@@ -129,7 +129,7 @@ def examine_evaluator(python: str) -> list[Finding]:
 
 
 def examine_landforms() -> list[Finding]:
-    """The landforms of plug-ins in this Python, and the reason why any is unusable."""
+    """List the landforms of plug-ins in this Python, and the reason why any is unusable."""
     usable, faults = load_landform_plugins()
     found = [f"{landform.label} ({landform.plugin.release})" for landform in usable.values()]
     return [
@@ -139,7 +139,7 @@ def examine_landforms() -> list[Finding]:
 
 
 def examine_kernels(kernels: str) -> list[Finding]:
-    """Findings on the named SPICE kernels; empty without any, since few scenes need them."""
+    """Examine the named SPICE kernels. Returns the findings; empty without kernels, since few scenes need them."""
     if not kernels:
         return []
     folder = Path(kernels)
@@ -165,7 +165,7 @@ def examine_kernels(kernels: str) -> list[Finding]:
 
 
 def examine(blender: str, evaluator: str) -> int:
-    """Print all findings as a table; 1 if something that is needed is missing."""
+    """Print all findings as a table. Returns 1 if something is missing that is needed, else 0."""
     findings = examine_blender(blender) + examine_evaluator(evaluator) + examine_landforms()
     colours = {"ok": "green", "limited": "yellow", "missing": "red"}
     print_table(

@@ -90,7 +90,7 @@ def _add_sensing_options(parser: argparse.ArgumentParser) -> None:
 
 
 def find_lidar(name: str) -> Path:
-    """The file of a shipped scanner, or the file at a path. Raises IcyMoonError for other names."""
+    """Find the file of a shipped scanner, or the file at a path. Raises IcyMoonError for other names."""
     for candidate in (LIDARS / f"{name}.toml", Path(name).expanduser()):
         if ".." not in name and is_file(candidate):
             return candidate
@@ -150,7 +150,8 @@ def _tell_scan(folder: Path, title: str) -> None:
 
 
 def _make_request(options: argparse.Namespace) -> ScanRequest:
-    """Make a request for a scan. Raises IcyMoonError for a pose without a place or a rotation, and negative seeds."""
+    """Make the request for a scan. Raises IcyMoonError for a pose without a place or a rotation, and for negative
+    seeds."""
     if (options.position is None) != (options.quaternion is None):
         raise IcyMoonError("A pose has a place and a rotation; give --position and --quaternion, or neither.")
     if options.position is not None:
@@ -175,8 +176,8 @@ def _make_request(options: argparse.Namespace) -> ScanRequest:
 
 
 def _find_grounds(options: argparse.Namespace) -> tuple[list[PlannedPair], Path]:
-    """The described pairs, one for each heading, or the rendered pair, whose ground is scanned, and the parent of the
-    folders that their ids name. A stated pose has one heading."""
+    """Find the pairs whose ground is scanned: the described ones, one for each heading, or the rendered pair. A stated
+    pose has one heading. Also return the parent of the folders that their ids name."""
     if options.pair is None:
         if options.out is None:
             raise IcyMoonError("The scan has no folder to go to; give --out, or the folder of a rendered pair.")
@@ -191,7 +192,7 @@ def _find_grounds(options: argparse.Namespace) -> tuple[list[PlannedPair], Path]
     if options.out is None and options.ros2:
         raise IcyMoonError("A bag is a folder, and a pair's folder has files only; give --out for it.")
     if options.out is None and folder.name != pair.id:
-        raise IcyMoonError(f"{folder} has not the name of its pair, {pair.id}; rename it, or give --out.")
+        raise IcyMoonError(f"{folder} does not have the name of its pair, {pair.id}; rename it, or give --out.")
     if options.out is None:
         check_no_link(folder)
     return [PlannedPair(pair.id, pair.settings, 0.0)], options.out or folder.parent

@@ -23,7 +23,7 @@ from ..support.number_text import format_count
 from ..support.printer import emit, say, warn
 from ..support.terminal import as_path, show_count
 
-#: How many sentences on principal points are printed: one for each image size that a plan varies.
+#: Number of sentences on principal points that are printed: one for each image size that a plan varies.
 _MAX_ADVICE = 2
 
 
@@ -79,7 +79,8 @@ def _run_plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(options: argparse.Namespace) -> int:
-    """Print the pairs or the estimate, with pairs that cannot be rendered; the exit status is 1 if there are any."""
+    """Print the pairs or the estimate, and the pairs that cannot be rendered. Returns the exit status: 1 if there are
+    any, else 0."""
     plan = read_plan(find_plan(options.plan))
     check_plan(plan)
     pairs = plan.pairs()
@@ -111,7 +112,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
-    # One image size mostly, so the same sentence of most pairs.
+    # Most plans have one image size, so most pairs give the same sentence.
     centred = dict.fromkeys(said for pair in pairs for said in advise_on_principal_point(pair.settings.rig))
     lines = [
         *lack,
@@ -133,7 +134,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
 
 
 def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
-    """The reason why the Blender for the render cannot render the pairs, as a list of at most one sentence."""
+    """Find why the Blender for the render cannot render the pairs. Returns a list of at most one sentence."""
     own = sys.executable if importlib.util.find_spec("bpy") else ""
     missing = [
         pair.settings for pair in pairs if not (options.out and is_complete(pair.folder(options.out.absolute())))
@@ -147,13 +148,13 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
 
 
 def _make_bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
-    """A line on the pairs whose light is baked with too few samples, if any."""
+    """Make a line on the pairs whose light is baked with too few samples, if any."""
     found = [said for pair in pairs for said in advise_on_bake(pair.settings)]
     return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _make_refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, with the reason for the first such pair, if any."""
+    """Make a line on the pairs that a render will set aside, with the reason for the first such pair, if any."""
     refused = plan.refused()
     if not refused:
         return []

@@ -25,7 +25,7 @@ from .render_scenes import render_settings
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
-#: Absorption per transport length for the printed contrast on ice.
+#: Absorption per transport length, for the contrast on ice that is printed.
 _ICE_ABSORPTION = 0.01
 
 
@@ -163,7 +163,7 @@ def make_projector(options: argparse.Namespace, settings: Settings) -> Projector
 
 
 def add_projector(settings: Settings, projector: Projector) -> Settings:
-    """The settings with a lamp after the others that lights the whole cone around the projector's field."""
+    """Return the settings with one more lamp, the last, which lights the whole cone around the projector's field."""
     lamp = {
         "kind": "SPOT",
         "power_w": projector.cone_power_w,
@@ -185,7 +185,7 @@ def add_projector(settings: Settings, projector: Projector) -> Settings:
 
 
 def _leave_bounces_out(settings: Settings) -> Settings:
-    """The settings for the projector's direct light."""
+    """Return the settings for the projector's direct light."""
     return merged(settings, {"quality": {"diffuse_bounces": 0}})
 
 
@@ -204,7 +204,7 @@ def _project(settings: Settings, projector: Projector, pattern: Pattern, blender
 
 
 def name_projector(reason: str, number: int) -> str:
-    """Rewrite a reason against a scene so that the lamp with this ``number`` in the list is called the projector."""
+    """Rewrite a reason against a scene, so that it calls the lamp with this ``number`` in the list the projector."""
     start, end = f"light.lamps[{number}] is ", ", so it lights nothing; "
     if not reason.startswith(start) or end not in reason:
         return reason

@@ -79,7 +79,7 @@ def add_auto_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _parse_count(text: str) -> int:
-    """A number from 1 on. Raises ValueError for anything else."""
+    """Parse a number from 1 on. Raises ValueError for anything else."""
     if int(text) < 1:
         raise ValueError(text)
     return int(text)
@@ -145,7 +145,7 @@ def _run_bench(
     show: Callable[[dict[str, Any]], None],
     repeats: int = 1,
 ) -> int:
-    """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
+    """Do ``work`` with a bench that the options describe, and show its progress. Then ``show`` its result."""
     from ..stereo.trade.measure_variants import TradeBench, scale_view
 
     with report_errors(options.json_lines), tell_events(title, options.json_lines) as on_event:
@@ -190,7 +190,8 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 
 def _print_decided(report: dict[str, Any]) -> None:
-    """Print a table of the differences of each variant's decisions from the reference's, if there are decisions."""
+    """Print how the decisions of each variant differ from the reference's decisions, as a table, if there are
+    decisions."""
     from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME_VERDICTS

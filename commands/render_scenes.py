@@ -18,7 +18,7 @@ from ..support.terminal import add_repeatable_option, as_path, parse_list_option
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
-#: Most stops by which the gallery's exposure may differ from the camera's.
+#: Largest difference of the gallery's exposure from the camera's, in stops.
 _MAX_STOPS = 20.0
 #: The scenes of the demo. Their settings leave so little noise that it decides nothing, for little processor time: few
 #: pixels, no light under the surface, and no shadows, which take more samples than all else. Snow has little texture;

@@ -136,7 +136,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 
 def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
-    """The user's files that replace stand-ins. Raises IcyMoonError if there are none."""
+    """Find the user's files that replace stand-ins. Raises IcyMoonError if no file does."""
     own = find_own_files([pair for part in parts.values() for pair in part.pairs], [folder.absolute()])
     if not own:
         raise IcyMoonError(
@@ -163,7 +163,7 @@ def _write_paper(
     missing: dict[str, str],
     steps: _Steps,
 ) -> Path:
-    """Match the pairs, and write tables and figures; the path of the page."""
+    """Match the pairs, and write tables and figures. Returns the path of the page."""
     from ..stereo.evaluate import evaluate
     from ..stereo.paper.page import write_paper
     from ..stereo.paper.paper_datasets import EVALUATIONS
@@ -185,7 +185,7 @@ def _forward_event(tell: Callable[..., None], event: dict[str, Any]) -> None:
 
 
 class _Steps:
-    """The progress of consecutive steps as one progress."""
+    """Shows the progress of consecutive steps as one progress."""
 
     def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
         self._tell = tell
@@ -222,14 +222,14 @@ def _open_output(as_json: bool) -> Iterator[Event]:
 
 
 def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
-    """List the pairs of each evaluation, without those of the figures, which no matcher evaluates."""
+    """List the pairs of each evaluation. Pairs of the figures are left out, because no matcher evaluates them."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     return [pair for part, _, _ in EVALUATIONS.values() for pair in parts[part].pairs]
 
 
 def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
-    """Print the estimated cost of the parts, and of all together."""
+    """Print the estimated cost of the parts, and of all parts together."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0

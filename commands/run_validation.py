@@ -29,7 +29,8 @@ from ..validation.tables import list_sources, make_markdown_section, make_row_ce
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
-    """The selected comparisons. Raises IcyMoonError for an unknown comparison, and for two with the same name."""
+    """Return the selected comparisons. Raises IcyMoonError for an unknown comparison, and for two with the same
+    name."""
     known = [*load_comparisons(), *(load_own_comparison(path) for path in own)]
     names = [each.name for each in known]
     if double := next((name for name in names if names.count(name) > 1), None):

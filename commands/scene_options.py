@@ -17,7 +17,7 @@ def add_scene_options(parser: argparse.ArgumentParser) -> None:
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
-    """The complete settings that the options describe. Raises IcyMoonError for an invalid setting."""
+    """Read the complete settings that the options describe. Raises IcyMoonError for an invalid setting."""
     return description.merged(
         description.defaults(),
         *(preset_files.load_preset(name) for name in options.preset),

@@ -22,7 +22,7 @@ from ..support.number_text import show_place
 from ..support.printer import emit_json, print_table, say
 from .scene_options import add_scene_options, read_settings
 
-#: Most dates of a table.
+#: Largest number of dates in a table.
 _MAX_ROWS = 1000
 #: Characters of a row in a pipe.
 _PIPE_WIDTH = 132
@@ -92,8 +92,8 @@ def _make_settings(options: argparse.Namespace) -> Settings:
 
 
 def _check_dated(options: argparse.Namespace) -> None:
-    """Raise IcyMoonError for an option that acts on the sky of a date alone. A body with a preset has light of its own
-    without a date too."""
+    """Raise IcyMoonError for an option that acts only on the sky of a date. A body with a preset has its own light,
+    also without a date."""
     given = {
         "--body": options.body if not _find_body_preset(options.body) else None,
         "--latitude": options.latitude,
@@ -138,7 +138,7 @@ def _run_sky(options: argparse.Namespace) -> int:
 
 
 def _find_site(settings: Settings) -> SkyPlace | None:
-    """The site of a map that the settings state by coordinates; azimuths then are from true north. None without
+    """Find the site of a map whose coordinates the settings state; azimuths are then from true north. None without
     coordinates."""
     if not uses_sky_of_site(settings):
         return None
@@ -154,7 +154,7 @@ def _find_body_preset(body: str | None) -> list[str]:
 
 
 def _list_dates(first: str, source: str, hours: float, every: float) -> list[str]:
-    """The dates of the rows, in UTC. Raises IcyMoonError for an invalid date and for invalid steps."""
+    """List the dates of the rows, in UTC. Raises IcyMoonError for an invalid date and for invalid steps."""
     if hours == 0:
         return [first if source == "ANGLES" else format_date(parse_date(first))]
     if source == "ANGLES":

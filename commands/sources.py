@@ -26,7 +26,7 @@ DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"
 
 @dataclass(frozen=True)
 class Origin:
-    """A setting's value and its origin: ``preset`` is its name, ``DEFAULT``, ``BY_HAND`` or ``STAND_IN``."""
+    """The origin of a setting's value: ``preset`` is the name of a preset, ``DEFAULT``, ``BY_HAND`` or ``STAND_IN``."""
 
     name: str
     value: Value
@@ -36,7 +36,7 @@ class Origin:
 
     @property
     def lines(self) -> str:
-        """Two lines: the value with its unit, then the preset and its source."""
+        """Two lines of text: the value with its unit, then the preset and its source."""
         value = f"{self.value:g}" if isinstance(self.value, float) else str(self.value)
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
         return f"{self.name} = {value}{unit}\n    {self.preset}: {self.source}"
@@ -51,7 +51,7 @@ class _Preset:
 
 
 def _read_preset(name: str) -> _Preset:
-    """A shipped preset without the presets that it includes."""
+    """Read a shipped preset without the presets that it includes."""
     path = preset_files.find_preset(name)
     raw = toml_text.read_toml(path)
     stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
@@ -72,7 +72,7 @@ def _measure_likeness(stated: Settings, settings: Settings, defaults: Settings) 
 
 
 def _rank_presets(settings: Settings) -> list[_Preset]:
-    """The presets that apply: first the preset most similar to the settings, and the presets that it includes."""
+    """Rank the presets that apply: first the preset most similar to the settings, and the presets that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
     whole = {name: preset_files.load_preset(name) for name in known}
     family = [max(known, key=lambda name: _measure_likeness(whole[name], settings, defaults))]
@@ -94,10 +94,10 @@ def _find_origin(topic: str, setting: Setting, value: Value, default: Value, pre
 
 
 def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
-    """The origin of each setting of a complete description, in the order of the sidebar.
+    """Find the origin of each setting of a complete description, in the order of the sidebar.
 
-    ``asked`` are topics (``light``) or settings (``light.planet``) to list; if it is empty, all but defaults are.
-    Raises IcyMoonError for an unknown name.
+    ``asked`` are topics (``light``) or settings (``light.planet``) to list. If it is empty, all settings that differ
+    from their defaults are listed. Raises IcyMoonError for an unknown name.
     """
     wanted, defaults = list(asked), description.defaults()
     names = {f"{topic}.{setting.key}" for topic, setting in list_all_settings()} | set(TOPICS)
@@ -123,7 +123,7 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
 
 
 def read_pair_settings(path: Path) -> Settings:
-    """The complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one."""
+    """Read the complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one pair."""
     folders = find_pair_folders(path)
     if len(folders) != 1:
         raise IcyMoonError(f"{path} has {len(folders)} pairs; name one of them, such as {folders[0]}.")

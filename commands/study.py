@@ -60,7 +60,7 @@ def _run_study(options: argparse.Namespace) -> int:
 
 
 def _render_missing(study: Study, out: Path, options: argparse.Namespace) -> int:
-    """Render the missing pairs, round by round; the exit status is 1 if pairs were set aside."""
+    """Render the missing pairs, round by round. Returns the exit status: 1 if pairs were set aside, else 0."""
     rounds = [
         order_pairs([pair for view in views for pair in study.pairs_of(view).values()]) for views in study.rounds()
     ]

@@ -102,7 +102,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _read_cameras(options: argparse.Namespace) -> tuple[Settings, CalibratedRig, list[str]]:
-    """The rig's settings, the two cameras that took the images, and sentences about the calibration."""
+    """Read the rig's settings, the two cameras that took the images, and sentences about the calibration."""
     files, stated = options.calibration, read_stated_facts(options)
     if options.rectified:
         return read_rectified_rig(*files, stated=stated, kind=options.format, names=options.cameras)
@@ -130,7 +130,7 @@ def _describe(options: argparse.Namespace, rig: Settings) -> Described:
 
 
 def _check_ground(settings: Settings) -> None:
-    """Raise IcyMoonError for a height map that cannot become the ground, from the head of its file."""
+    """Raise IcyMoonError if a height map cannot become the ground. Only the head of its file is read."""
     if settings.source.kind == "HEIGHT_MAP":
         check_map(find_used_files(settings)["source.file"], settings)
 
@@ -138,7 +138,7 @@ def _check_ground(settings: Settings) -> None:
 def _render(
     twins: list[Twin], rectification: Rectification, methods: list[Method], out: Path, options: argparse.Namespace
 ) -> int:
-    """Render the twins that are missing; the exit status is 1 if some were set aside."""
+    """Render the missing twins. Returns the exit status: 1 if some were set aside, else 0."""
     from ..stereo.twin.compare_twin import check_matchers
 
     how, dataset = parse_workers(options), out / _TWINS_FOLDER
@@ -146,7 +146,7 @@ def _render(
     missing = freeze_plan(dataset, planned, "").find_missing(dataset)
     if not missing:
         return 0
-    # All pairs have the size of the rig, so one tells for all.
+    # All pairs have the size of the rig, so one is enough.
     check_matchers(twins[0].photographs, rectification, twins[0].planned.settings, methods)
     check_abilities((pair.settings for pair in missing), options.blender)
     if options.json:
@@ -164,7 +164,7 @@ def _measure(
     out: Path,
     options: argparse.Namespace,
 ) -> Path:
-    """Measure the new pairs, write the page and return its path."""
+    """Measure the new pairs and write the page. Returns its path."""
     from ..render.pairs.pair_folder import is_complete
     from ..stereo.twin.compare_twin import read_or_measure
     from ..stereo.twin.limits import list_limits

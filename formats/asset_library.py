@@ -42,7 +42,7 @@ _CATALOG_NAMESPACE = uuid.UUID("5d0ad3ab-2c5f-4a51-9d1c-7a0b0f8e4c11")
 
 
 def catalog_id(kind: str) -> str:
-    """The id of the catalog of a kind of preset. It never changes, so that assets stay in their catalog."""
+    """Return the id of the catalog for a kind of preset. It never changes, so that assets stay in their catalog."""
     return _make_id(CATALOGS[kind])
 
 
@@ -51,19 +51,19 @@ def _make_id(path: str) -> str:
 
 
 def make_catalogs_text() -> str:
-    """The content of Blender's file of catalogs."""
+    """Make the text of Blender's file of catalogs."""
     paths = dict.fromkeys([_PARENT_CATALOG, *CATALOGS.values()])
     lines = [f"{_make_id(path)}:{path}:{path.replace('/', '-')}" for path in paths]
     return "\n".join(["# Catalogs of the asset library that Icy Moon makes.", "", "VERSION 1", "", *lines, ""])
 
 
 def has_library(folder: Path) -> bool:
-    """Whether a folder contains a complete library."""
+    """Return whether a folder contains a complete library."""
     return (folder / _CATALOG_FILE).is_file() and (folder / RECORD_FILE).is_file()
 
 
 def find_files(folder: Path) -> list[Path]:
-    """The .blend files that a library's record lists and that are in its folder.
+    """Find the .blend files that a library's record lists and that exist in its folder.
 
     Raises IcyMoonError if the record is not Icy Moon's, or if a folder of the library is a link.
     """
@@ -81,8 +81,8 @@ def find_files(folder: Path) -> list[Path]:
 
 
 def install_library(made: Path, folder: Path) -> list[Path]:
-    """Copy the .blend files in the folder ``made`` into a library, in place of the earlier files. Returns their new
-    paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
+    """Copy the .blend files in the folder ``made`` into a library, and remove its earlier files. Returns the new paths.
+    Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
     names = sorted(path.relative_to(made).as_posix() for path in made.glob("*/*.blend"))
     earlier = find_files(folder)
     listed = sorted({*names, *(path.relative_to(folder).as_posix() for path in earlier)})
@@ -106,7 +106,7 @@ def _copy(source: Path, target: Path) -> None:
 
 def uninstall_library(folder: Path) -> list[Path]:
     """Remove our files from a library, and its folders if they are then empty. Returns the remaining files. Raises
-    IcyMoonError as ``find_files`` does, and if the disk refuses; then nothing else is lost."""
+    IcyMoonError as ``find_files`` does, and if the disk refuses."""
     ours = find_files(folder)
     with explain_disk_errors("remove files from", folder):
         for path in [*ours, *(folder / name for name in (_CATALOG_FILE, _REPLACED_CATALOG_FILE, RECORD_FILE))]:

@@ -46,8 +46,8 @@ _MAX_FIT_STEPS = 60
 @dataclass(frozen=True)
 class Cahvor:
     """A camera by its vectors (3,) in world axes. ``o`` and ``r`` are None for CAHV; ``e`` is None except for CAHVORE.
-    Its ``linearity`` is 1 for perspective and 0 for fisheye. ``residual_px`` is the largest error of a model fitted to
-    another lens, 0 for an exact one."""
+    ``linearity`` is 1 for a perspective lens and 0 for a fisheye. ``residual_px`` is the largest error if the model was
+    fitted to another lens, and 0 if it is exact."""
 
     c: Array
     a: Array
@@ -63,11 +63,12 @@ class Cahvor:
 
     @property
     def kind(self) -> str:
-        """CAHV, CAHVOR or CAHVORE."""
+        """Name of the model: CAHV, CAHVOR or CAHVORE."""
         return "CAHV" if self.o is None else "CAHVOR" if self.e is None else "CAHVORE"
 
     def project(self, points_m: Array) -> Array:
-        """Column and row (..., 2) of points (..., 3) in world axes, in metres; NaN behind the camera of a CAHV(OR)."""
+        """Project points (..., 3), m, in world axes to columns and rows (..., 2); NaN for points behind the camera of a
+        CAHV or CAHVOR."""
         d = np.asarray(points_m, np.float64) - self.c
         if self.o is not None and self.r is not None:
             d = bend(d, self.o, self.r, self.e, self.linearity)
@@ -77,9 +78,9 @@ class Cahvor:
         return np.where((ahead > 0)[..., None], found, np.nan)
 
     def pinhole(self) -> tuple[Array, Array]:
-        """K (3, 3) and the rotation (3, 3) from world axes to the camera's, x right, y down, z forward.
+        """Return K (3, 3), and the rotation (3, 3) from world axes to the camera's axes: x right, y down, z forward.
 
-        Raises IcyMoonError for pixels that are not rectangles.
+        Raises IcyMoonError if the pixels are not rectangles.
         """
         hc, vc = float(self.h @ self.a), float(self.v @ self.a)
         right, down = self.h - hc * self.a, self.v - vc * self.a
@@ -120,12 +121,12 @@ def make_model_from_pinhole(
 
 
 def _sample_pixels(width: int, height: int) -> Array:
-    """Columns and rows (n, 2) of pixels spread over an image."""
+    """Return the columns and rows (n, 2) of pixels spread over an image."""
     return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1).reshape(-1, 2)
 
 
 def _make_cahvor(p: Array, rotation: Array, centre_m: Array, size_px: tuple[int, int]) -> Cahvor:
-    """A CAHVOR from the parameters ``p``: fx, fy, cx, cy, two angles of O off A, and R."""
+    """Make a CAHVOR from the parameters ``p``: fx, fy, cx, cy, the two angles between O and A, and the three of R."""
     right, down, a = rotation
     o = np.array([np.sin(p[4]) * np.cos(p[5]), np.sin(p[5]), np.cos(p[4]) * np.cos(p[5])]) @ rotation
     return Cahvor(centre_m, a, p[0] * right + p[2] * a, p[1] * down + p[3] * a, *size_px, o, p[6:9])
@@ -139,7 +140,8 @@ def _fit_cahvor(
     k: tuple[float, ...],
     most_px: float,
 ) -> Cahvor:
-    """The nearest CAHVOR, by least squares over the image (Levenberg and Marquardt)."""
+    """Fit a CAHVOR by least squares over the image (Levenberg and Marquardt). Raises IcyMoonError if it is off by more
+    than ``most_px``."""
     width, height = size_px
     pixels = _sample_pixels(width, height)
     focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
@@ -174,8 +176,8 @@ def _fit_cahvor(
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera with square pixels and OpenCV's distortion ``k``: k1, k2, p1, p2, k3. ``residual_px`` is its largest
-    difference over the image from the fitted model, 0 for an exact one."""
+    """A camera with square pixels and OpenCV's distortion ``k``: k1, k2, p1, p2, k3. ``residual_px`` is the largest
+    difference over the image from the model to which it was fitted, and 0 if it is exact."""
 
     focal_px: float
     cx_px: float
@@ -185,10 +187,10 @@ class Lens:
 
 
 def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
-    """The Icy Moon lens that is nearest to a model, with the model's centre and rotation.
+    """Find the Icy Moon lens that is nearest to a model, with the model's centre and rotation.
 
-    With square pixels, CAHV is exact, and so is CAHVOR with O along A and a first coefficient of 0. Raises IcyMoonError
-    if the nearest lens is off by more than ``most_px``.
+    With square pixels, CAHV is exact, and so is CAHVOR if O lies along A and its first coefficient is 0. Raises
+    IcyMoonError if the nearest lens is off by more than ``most_px``.
     """
     matrix, rotation = model.pinhole()
     focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
@@ -229,7 +231,7 @@ def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
 
 
 def make_cahvor_text(model: Cahvor) -> str:
-    """The model in the text form of JPL's and mrcal's ``.cahvor`` files, with all digits."""
+    """Write a model as the text of a ``.cahvor`` file of JPL and mrcal, with all digits."""
     matrix, _ = model.pinhole()
     words = {
         "CAHV": "CAHV = perspective, linear",
@@ -248,7 +250,7 @@ def make_cahvor_text(model: Cahvor) -> str:
 
 
 def make_pds_text(model: Cahvor, frame: str) -> str:
-    """The model as a group of a PDS3 label; ``frame`` names the coordinate system that the vectors are in."""
+    """Write a model as a group of a PDS3 label; ``frame`` names the coordinate system of the vectors."""
     vectors = _list_vectors(model)
     letters = [letter for letter, _ in vectors]
 
@@ -356,7 +358,7 @@ def _parse_vector(words: Sequence[object], what: str) -> Array:
 
 
 def _parse_size(words: Sequence[object], what: str) -> tuple[int, int]:
-    """The size of an image as columns and rows, from its text."""
+    """Parse the size of an image; return columns and rows."""
     found = [
         word
         for word in words
@@ -397,8 +399,8 @@ def _read_cahvor(text: str) -> _StatedModel:
 
 
 def _read_linearity(model: str) -> float:
-    """Linearity of a model such as ``CAHVORE3,0.4 = general``: 1 for type 1 (perspective), 0 for type 2 (fisheye), and
-    the stated number for type 3."""
+    """Read the linearity of a model such as ``CAHVORE3,0.4 = general``: 1 for type 1 (perspective), 0 for type 2
+    (fisheye), and the stated number for type 3."""
     kind, _, parameter = model.partition("=")[0].strip().partition(",")
     if not kind.startswith("CAHVORE"):
         return 1.0
@@ -430,7 +432,7 @@ def _read_pds(text: str) -> _StatedModel:
 
 
 def _list_items(group: Group, key: str) -> list[Value]:
-    """The values of a keyword; a single value becomes a list of one."""
+    """Return the values of a keyword as a list, also if there is only one."""
     if key in group.unclear:
         raise ValueError(f"{key} is stated twice with different values")
     value = group.values[key]
@@ -438,7 +440,7 @@ def _list_items(group: Group, key: str) -> list[Value]:
 
 
 def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
-    """Columns and rows of the object IMAGE, or else of the only image of the label; None without an image."""
+    """Find the columns and rows of the object IMAGE, or else of the label's only image; None without an image."""
     keys = ("LINE_SAMPLES", "LINES")
     sized = [group for group in groups if all(key in group.values for key in keys)]
     images = [group for group in sized if group.name == "IMAGE"] or [

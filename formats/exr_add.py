@@ -56,8 +56,8 @@ def add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) 
 
 
 def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
-    """Add the passes of baked light to the image and to its light groups, if it has any. Returns the parts, and by
-    light group the share of baked light in all light of the image. The share is nan if a pixel has negative light,
+    """Add the passes of baked light to the image and to its light groups, if it has any. Returns the parts, and the
+    share of baked light in all light of the image for each light group. The share is nan if a pixel has negative light,
     which marks ground without baked light. Raises as ``add_group`` does."""
     parts = [Pixels(piece) for piece in image]
     there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
@@ -78,12 +78,13 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
 
 
 def measure_baked_noise(image: Sequence[Piece]) -> float | None:
-    """Noise of baked light over all light, in parts that ``add_baked`` returned: the root mean square of its error over
-    the mean radiance, both over pixels with baked light. None if no pixel has any. Raises as ``add_group`` does."""
+    """Measure the noise of baked light relative to all light, in parts that ``add_baked`` returned: the root mean
+    square of its error divided by the mean radiance, both over pixels with baked light. None if no pixel has any.
+    Raises as ``add_group`` does."""
     parts = [Pixels(piece) for piece in image]
 
     def total(wanted: Collection[str]) -> Array:
-        """The sum of the channels of some passes but for alpha, (height, width)."""
+        """Add up the channels of some passes, except alpha: (height, width)."""
         found = [
             (
                 part,
@@ -108,8 +109,8 @@ def measure_baked_noise(image: Sequence[Piece]) -> float | None:
 
 
 def is_sum_of_lights(image: Sequence[Piece]) -> bool:
-    """Return whether the image is the sum of its light groups, so that only they need to be stored. False if it was
-    denoised, has no groups, or is of an unsupported kind."""
+    """Return whether the image is the sum of its light groups, so that only the groups need to be stored. False if the
+    image was denoised, has no groups, or is of an unsupported kind."""
     try:
         parts = [Pixels(piece) for piece in image]
         lamps = [group for group in LAMP_GROUPS if _find_bands(parts, f"{IMAGE_PASS}_{group}")]
@@ -122,7 +123,7 @@ def is_sum_of_lights(image: Sequence[Piece]) -> bool:
 
 
 def _add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> tuple[list[Piece], float]:
-    """The parts with ``light`` (decoded bands by pass) added, and the sum of the new image."""
+    """Return the parts with ``light`` (decoded bands by pass) added, and the sum of all values of the new image."""
     parts = [Pixels(piece) for piece in image]
     values: dict[int, Array] = {}
     total = 0.0

@@ -56,7 +56,7 @@ _CHANNEL_MEMORY = 1024
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel of a part: the type of its values, its steps between sampled columns and rows, and its entry in the
+    """A channel of a part: the type of its values, the steps between its sampled columns and rows, and its entry in the
     header. The types are 0 (32-bit whole numbers), 1 (16-bit floats) and 2 (32-bit floats)."""
 
     kind: int
@@ -71,9 +71,9 @@ class Channel:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of an EXR file. ``values`` are its attributes by name; ``stated`` are the same with name, type, size and
-    value as in the file. ``window`` is its data window (left, top, right, bottom), both ends included. ``places``
-    (chunks, 2) are the offsets of each chunk's first byte after the part's number, and of its end."""
+    """One part of an EXR file. ``values`` has its attributes by name; ``stated`` has them with name, type, size and
+    value as in the file. ``window`` is the data window (left, top, right, bottom), both ends included. ``places``
+    (chunks, 2) has the offset of each chunk's first byte after the part's number, and the offset of its end."""
 
     values: Mapping[bytes, bytes]
     stated: Mapping[bytes, bytes]
@@ -83,13 +83,13 @@ class Part:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         left, top, right, bottom = self.window
         return bottom - top + 1, right - left + 1
 
     @property
     def decoded_bytes(self) -> int:
-        """Memory for all values of the part, as 32-bit numbers."""
+        """Bytes of memory for all values of the part as 32-bit numbers."""
         rows, columns = self.shape
         return len(self.channels) * (4 * rows * columns + _CHANNEL_MEMORY)
 
@@ -103,7 +103,7 @@ class _Header:
     stated: dict[bytes, bytes]
 
     def value(self, name: bytes, kind: bytes, size: int | None = None) -> bytes:
-        """The value of an attribute. Raises KeyError if it is missing, ValueError for another type or size."""
+        """Return the value of an attribute. Raises KeyError if it is missing, ValueError for another type or size."""
         value = self.values[name]
         if self.kinds[name] != kind or (size is not None and len(value) != size):
             raise ValueError(
@@ -114,14 +114,14 @@ class _Header:
 
 
 def decoding_budget(size: int) -> Budget:
-    """The memory that decoding the values of a file of ``size`` bytes may take."""
+    """Return how many bytes the decoded values of a file of ``size`` bytes may take."""
     return Budget(_BASE_MEMORY + _MEMORY_PER_BYTE * size)
 
 
 def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
-    """Read the parts of an EXR file, whose chunks must lie in the file without overlap and in the part's image.
-    ``tiles`` allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError for a damaged file, or deep
-    data."""
+    """Read the parts of an EXR file. Their chunks must lie in the file, without overlap, and in the image of their
+    part. ``tiles`` allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError if the file is damaged
+    or has deep data."""
     cursor = foreign.cursor(0, min(foreign.size, _MAX_HEADER_BYTES))
     magic, version = cursor.unpack("<2I")
     flags = version & ~0xFF
@@ -211,8 +211,8 @@ def _read_window(header: _Header, name: bytes) -> tuple[int, int, int, int]:
 
 
 def read_channels(value: bytes) -> dict[str, Channel]:
-    """The channels of a header by name, in the order of the file, from the attribute ``channels``. Raises ValueError
-    for a channel that occurs twice or has an unknown type, and for a list without an end."""
+    """Read the channels of a header by name, in the order of the file, from the attribute ``channels``. Raises
+    ValueError for a channel that occurs twice or has an unknown type, and for a list without an end."""
     cursor, found = Cursor(value, Budget()), {}
     while name := cursor.take_until(b"\0", _MAX_NAME_BYTES):
         entry = cursor.take(16)
@@ -227,7 +227,7 @@ def read_channels(value: bytes) -> dict[str, Channel]:
 
 
 def _count_tiles(header: _Header, width: int, height: int) -> int:
-    """Tiles of a part, of all its levels."""
+    """Count the tiles of all levels of a part."""
     across, down, mode = struct.unpack("<2IB", header.value(b"tiles", b"tiledesc", 9))
     levels, rounds_up = mode & 0xF, mode >> 4
     if not (0 < across <= _LARGEST_COORDINATE and 0 < down <= _LARGEST_COORDINATE and levels <= 2 and rounds_up <= 1):
@@ -246,7 +246,7 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
 
 
 def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool) -> list[Array]:
-    """The byte range of each chunk of each part. Raises ValueError for an impossible range."""
+    """Find the byte range of each chunk of each part. Raises ValueError for an impossible range."""
     count = sum(counts)
     foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
     offsets = np.frombuffer(foreign.part(table, 8 * count), "<u8")
@@ -289,13 +289,13 @@ def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, 
         wrong = (stated < 0).any()
         stated = np.concatenate([number[:, None], stated], axis=1)
     if wrong or len(set(map(tuple, stated.tolist()))) < len(stated):
-        raise ValueError("a chunk is of lines that the image does not have, or that another has")
+        raise ValueError("a chunk has lines outside the image, or lines of another chunk")
 
 
 def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
-    """Read the parts of a file whose values all fit into its ``decoding_budget``.
+    """Read the parts of a file, and check that all values fit into its ``decoding_budget``.
 
-    ``tiles`` and errors are as of ``read_layout``.
+    ``tiles`` and the errors are those that ``read_layout`` has.
     """
     parts = read_layout(foreign, tiles)
     budget = decoding_budget(foreign.size)
@@ -305,12 +305,12 @@ def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
 
 
 def is_whole(path: Path) -> bool:
-    """True if every chunk of a scan-line EXR file, of one part or several, lies within the file."""
+    """Return whether every chunk of a scan-line EXR file, of one part or several, lies within the file."""
     return bool(read_sizes(path))
 
 
 def read_sizes(path: Path) -> set[tuple[int, int]]:
-    """Columns and rows of the parts of a scan-line EXR file; none if it is not whole."""
+    """Read the columns and rows of each part of a scan-line EXR file; no sizes if it is not whole."""
     try:
         return {part.shape[::-1] for part in read(path, read_layout, KIND, "write it again", most=MAX_BYTES)}
     except IcyMoonError:

@@ -28,8 +28,8 @@ _RUN_ATTRIBUTES = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostna
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of a file: the attributes of its header by name, each with its bytes in the file, and its chunks, each
-    from its first line on."""
+    """A part of a file: the attributes of its header by name, each with its bytes in the file, and its chunks. A chunk
+    begins with the number of its first line."""
 
     attributes: Mapping[bytes, bytes]
     chunks: list[bytes]
@@ -40,7 +40,8 @@ class Piece:
         return self.value(b"name").decode() if b"name" in self.attributes else ""
 
     def value(self, name: bytes) -> bytes:
-        """Bytes of an attribute's value, without its name, type and size. Raises KeyError if the part lacks it."""
+        """Return the bytes of an attribute's value, without its name, type and size. Raises KeyError if the part lacks
+        it."""
         stated = self.attributes[name]
         return stated[stated.index(b"\0", len(name) + 1) + 5 :]
 
@@ -70,8 +71,8 @@ def assemble(parts: Sequence[Piece]) -> bytes:
 
 
 def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
-    """Keep only a part's chunks that contain some of ``rows``, counted from its top; also return the number of rows in
-    the first chunk before them. Raises ValueError for rows outside the part."""
+    """Keep only the chunks of a part that contain some of ``rows``, counted from its top. Also return the number of
+    rows in the first chunk that precede them. Raises ValueError for rows outside the part."""
     left, top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
     if not 0 <= rows.start < rows.stop <= bottom - top + 1:
         raise ValueError(f"it has no lines {rows.start} to {rows.stop}")
@@ -103,7 +104,7 @@ def keep_part_attributes(piece: Piece, name: str) -> Piece:
 
 
 def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
-    """An attribute in the encoding of a file."""
+    """Encode an attribute as the bytes of a file."""
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 

@@ -32,10 +32,11 @@ _CHANNEL_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in 
 
 
 class Pixels:
-    """The values in a part; decoding and encoding of them."""
+    """Decodes and encodes the values in a part."""
 
     def __init__(self, piece: Piece) -> None:
-        """Raises ValueError unless all channels are floats at every pixel, KeyError for another compression."""
+        """Prepare a part. Raises ValueError unless all channels are floats at every pixel, KeyError for another
+        compression."""
         channels = read_channels(piece.value(b"channels"))
         for name, channel in channels.items():
             if channel.kind not in _NUMPY_TYPES or channel.steps != (1, 1):
@@ -48,18 +49,18 @@ class Pixels:
         self._width, self._height = right - left + 1, bottom - self._top + 1
 
     def is_half_float(self, channel: str) -> bool:
-        """Whether a channel is stored as 16-bit floats."""
+        """Return whether a channel is stored as 16-bit floats."""
         return _read_type(self._stated[channel]) == _HALF_TYPE
 
     @property
     def _line(self) -> np.dtype[Any]:
-        """The numpy type of a stored line: channel after channel, each with its type."""
+        """The numpy type of a stored line: channel after channel, each with its own type."""
         return np.dtype(
             [(name, _NUMPY_TYPES[_read_type(self._stated[name])], (self._width,)) for name in self.channels]
         )
 
     def decode(self) -> Array:
-        """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
+        """Decode the values (height, channel, width) float32. Raises ValueError for chunks of another size."""
         found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
         if not self._compression:
             chunks = self._view_raw(stored)
@@ -98,14 +99,15 @@ class Pixels:
         return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
-        """The part with only the channels at the indices ``wanted``."""
+        """Return the part with only the channels at the indices ``wanted``."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
         kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(self.decode()[:, wanted], line))
 
     def round_to_half(self, wanted: Collection[int], values: Array) -> Piece:
-        """The part with the channels at the indices ``wanted`` as 16-bit floats; ``values`` are from ``decode``."""
+        """Return the part with the channels at the indices ``wanted`` as 16-bit floats; ``values`` are from
+        ``decode``."""
         for k in wanted:
             stated = self._stated[self.channels[k]]
             self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF_TYPE) + stated[-12:]
@@ -114,8 +116,8 @@ class Pixels:
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(values, self._line))
 
     def replace_channels(self, name: str, components: Sequence[str], values: Array) -> Piece:
-        """Return a part of the same size with other channels: ``name`` with each of ``components``, and ``values``
-        (height, channel, width)."""
+        """Return a part of the same size with other channels. The channels are ``name`` with each of ``components``,
+        their values ``values`` (height, channel, width)."""
         channels = (
             b"".join(f"{name}.{component}".encode() + _CHANNEL_ENTRIES[_FLOAT_TYPE] for component in components) + b"\0"
         )
@@ -128,7 +130,7 @@ class Pixels:
         return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
     def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
-        """Chunks of values, with lines of the numpy type ``stored``."""
+        """Encode values as chunks, with lines of the numpy type ``stored``."""
         if not self._compression:
             lines = np.empty(self._height, _raw_chunk_type(stored))
             lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._height), stored.itemsize
@@ -149,7 +151,7 @@ class Pixels:
 
 
 def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) -> Piece:
-    """A part of the pass ``name`` with the channels (H, W), by component, as 32-bit floats, or as 16-bit floats with
+    """Encode the channels (H, W), by component, as a part for the pass ``name``: 32-bit floats, or 16-bit floats with
     ``half``."""
     height, width = next(iter(channels.values())).shape
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
@@ -180,22 +182,22 @@ def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) ->
 
 
 def _raw_chunk_type(stored: np.dtype[Any]) -> np.dtype[Any]:
-    """The numpy type of a chunk without compression: one line with values of the type ``stored``."""
+    """Return the numpy type of a chunk without compression: one line with values of the type ``stored``."""
     return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 
 
 def _empty_chunks(top: int, height: int) -> list[bytes]:
-    """ZIP-compressed chunks of a part from its first line ``top`` on, without values."""
+    """Make ZIP-compressed chunks without values for a part whose first line is ``top``."""
     return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES_PER_CHUNK[_ZIP_COMPRESSION])]
 
 
 def _read_type(stated: bytes) -> int:
-    """The type of a channel's values, from the entry of the channel: its name, then four numbers."""
+    """Read the type of a channel's values from the channel's entry, which ends with four numbers after its name."""
     return int(struct.unpack_from("<i", stated, len(stated) - 16)[0])
 
 
 def _unpack(data: bytes, size: int) -> bytes:
-    """A chunk's values of ``size`` bytes; a chunk that did not shrink is stored without compression."""
+    """Decompress a chunk to ``size`` bytes. A chunk that did not shrink was stored without compression."""
     if len(data) == size:
         return data
     steps = np.frombuffer(inflate(data, size), np.uint8).copy()
@@ -217,7 +219,7 @@ def _pack(raw: bytes) -> bytes:
 
 
 def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, Array]]]:
-    """Decode each part of an EXR file: its view, empty without one, and its channels by name, (H, W) float32.
+    """Decode each part of an EXR file. Yield its view, empty if it has none, and its channels by name, (H, W) float32.
 
     Raises ValueError, KeyError or OverBudgetError for a file that is damaged or of another kind.
     """
@@ -256,8 +258,8 @@ def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
 
 
 def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
-    """Round the values of some passes (``LAYER.PASS``) to 16-bit floats. The passes stay unchanged if a value is
-    too large for 16 bits, or if many values are so small that their RMS rounding error exceeds one in two thousand.
+    """Round the values of some passes (``LAYER.PASS``) to 16-bit floats. The passes stay unchanged if a value is too
+    large for 16 bits, or if the values are so small that the RMS rounding error exceeds one in two thousand.
 
     A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """

@@ -19,8 +19,8 @@ Value = bool | int | float | str
 
 @dataclass(frozen=True)
 class Image:
-    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit`` and a ``comment`` on the meaning
-    of its numbers. ``cards`` are a value and a comment by a key of at most 8 letters and digits."""
+    """An image (H, W) or a cube (H, W, planes) of floats, with its ``name``, its ``unit`` and a ``comment`` on the
+    meaning of its numbers. ``cards`` has a value and a comment for each key of at most 8 letters and digits."""
 
     name: str
     pixels: Array
@@ -30,9 +30,9 @@ class Image:
 
 
 def encode_fits(images: Sequence[Image]) -> bytes:
-    """Encode a FITS file: the first image, then the others as extensions, all 32-bit floats.
+    """Encode a FITS file: the first image, then the others as extensions, all as 32-bit floats.
 
-    The first row of our images is the top one; in FITS it is the bottom row, as its viewers show it.
+    The first row of our images is at the top. FITS counts rows from the bottom, as its viewers show them.
     """
     return b"".join(_encode_image(image, first=k == 0, extended=len(images) > 1) for k, image in enumerate(images))
 
@@ -65,7 +65,7 @@ def _encode_image(image: Image, first: bool, extended: bool) -> bytes:
 
 
 def _make_card(key: str, value: Value, comment: str) -> bytes:
-    """A card of 80 characters. Raises ValueError for a value that a card cannot contain."""
+    """Make a card of 80 characters. Raises ValueError for a value that a card cannot contain."""
     if isinstance(value, bool):
         text = ("T" if value else "F").rjust(20)
     elif isinstance(value, str):

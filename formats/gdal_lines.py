@@ -44,27 +44,28 @@ def quote_name(name: str) -> str:
 
 
 def _converted_name(name: str) -> str:
-    """The name of the file that results from the conversion of another."""
+    """Return the name of the file into which another is converted."""
     stem = Path(name).stem or name
     return f"{stem}_new.tif" if name == f"{stem}.tif" else f"{stem}.tif"
 
 
 def make_translate_command(name: str, *options: str) -> str:
-    """The ``gdal_translate`` that copies the first band of a file, packed, with ``options``."""
+    """Make the ``gdal_translate`` command that copies the first band of a file, packed, with ``options``."""
     return " ".join(
         ["gdal_translate", "-b 1", *options, *_PACKED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
     )
 
 
 def make_tile_command(name: str, *options: str) -> str:
-    """The ``gdal_translate`` that copies the first band of a file in tiles; a site needs only a few tiles."""
+    """Make the ``gdal_translate`` command that copies the first band of a file in tiles; a site needs only a few
+    tiles."""
     return " ".join(
         ["gdal_translate", "-b 1", *options, *_TILED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
     )
 
 
 def make_warp_command(name: str, *options: str) -> str:
-    """The ``gdalwarp`` that makes a map along the axes, with NaN where the file has no heights."""
+    """Make the ``gdalwarp`` command that aligns a map with its axes, with NaN where the file has no heights."""
     return " ".join(
         [
             "gdalwarp",
@@ -78,17 +79,17 @@ def make_warp_command(name: str, *options: str) -> str:
 
 
 def make_edit_command(name: str, *options: str) -> str:
-    """The ``gdal_edit.py`` command that changes the metadata of a file."""
+    """Make the ``gdal_edit.py`` command that changes the metadata of a file."""
     return " ".join(["gdal_edit.py", *options, quote_name(name)])
 
 
 def make_transform_command(source: str, target: str, point: tuple[float, float]) -> str:
-    """The ``gdaltransform`` command that converts a point from one coordinate system to another."""
+    """Make the ``gdaltransform`` command that converts a point from one coordinate system to another."""
     return f'echo {point[0]:.12g} {point[1]:.12g} | gdaltransform -s_srs "{source}" -t_srs "{target}"'
 
 
 def make_sphere_option(radius_m: float) -> str:
-    """The option of ``make_translate_command`` for a file in degrees on a sphere."""
+    """Return the option of ``make_translate_command`` for a file in degrees on a sphere."""
     return f'-a_srs "+proj=longlat +R={radius_m:.12g} +no_defs"'
 
 
@@ -116,8 +117,8 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
 
 
 def _find_label(path: Path, start: bytes) -> Path | None:
-    """Find the file that GDAL opens for an image: the image if it contains its label or has a header beside it, else
-    its label; None without label and header."""
+    """Find the file that GDAL opens for an image: the image itself if it contains its label or has a header beside it,
+    else its label. None without label and header."""
     if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):
         return path
     if any(path.with_suffix(suffix).is_file() for suffix in (".hdr", ".HDR")):

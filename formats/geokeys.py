@@ -13,7 +13,7 @@ from typing import Any
 from .tiff import Tags
 
 _DIRECTORY, _DOUBLES, _TEXT = 34735, 34736, 34737
-#: Most numbers and letters that are kept of the tags; a system has some hundreds.
+#: Largest number of numbers or letters of the tags that is kept; a system has some hundreds.
 _MOST, _MAX_LETTERS = 4096, 2**16
 #: Keys that are not copied because the copy states its own: kind of raster, and vertical system with name, datum and
 #: unit.
@@ -36,7 +36,8 @@ class GeoKeys:
     text: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """The keys as JSON for ``pair.json`` and exports; each list of numbers is one string, to stay on one line."""
+        """Return the keys as JSON for ``pair.json`` and exports. Each list of numbers is one string, to stay on one
+        line."""
         return {
             "directory": " ".join(map(str, self.directory)),
             "doubles": " ".join(map(repr, self.doubles)),
@@ -44,14 +45,15 @@ class GeoKeys:
         }
 
     def numbers(self) -> dict[int, Any]:
-        """The keys that are numbers."""
+        """Return the keys that are numbers."""
         wanted = {
             self.directory[k] for k in range(4, len(self.directory) - 3, 4) if self.directory[k + 1] in (0, _DOUBLES)
         }
         return read_numbers(self.directory, self.doubles, wanted)
 
     def for_areas_in_metres(self) -> GeoKeys:
-        """The keys for values that are means of areas, with heights in metres above the zero of the same system.
+        """Return the keys for values that are means of areas, and for heights in metres above the zero of the same
+        system.
 
         A vertical system with another unit is left out, because the heights are in metres.
         """
@@ -67,7 +69,7 @@ class GeoKeys:
 
 
 def make_geokeys(tags: Tags) -> GeoKeys | None:
-    """The GeoKeys of a file; None without any, or with more than a system needs."""
+    """Make the GeoKeys of a file; None if it has none, or more than a system needs."""
     directory, doubles = tags.get(_DIRECTORY, ()), tags.get(_DOUBLES, ())
     text = b"".join(tags.get(_TEXT, ()))
     if len(directory) < 8 or max(len(directory), len(doubles), len(text)) > _MOST:
@@ -78,7 +80,7 @@ def make_geokeys(tags: Tags) -> GeoKeys | None:
 
 
 def read_numbers(directory: Sequence[Any], doubles: Sequence[Any], wanted: Collection[int]) -> dict[int, Any]:
-    """The ``wanted`` keys by number: a whole number or a float. Raises ValueError for one that is text."""
+    """Read the ``wanted`` keys by number: whole numbers or floats. Raises ValueError if a key is text."""
     keys: dict[int, Any] = {}
     for k in range(4, len(directory) - 3, 4):
         key, where, _, value = directory[k : k + 4]

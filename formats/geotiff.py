@@ -148,11 +148,11 @@ _MAX_WHOLE_PIXELS = 2**22
 _MARGIN_PIXELS = 16
 #: A scale that differs from 1 by less than this, such as UTM's, counts as 1.
 _SCALE_TOLERANCE = 1e-3
-#: Angle in degrees from which on the axes of a map count as skewed.
+#: Least deviation in degrees from a right angle at which the axes of a map count as skewed.
 _SKEW_DEG = 0.5
-#: Angle in degrees between a map's up and north from which on it is reported.
+#: Least angle in degrees between a map's up and north that is reported.
 _TURNED_DEG = 0.1
-#: Angle in degrees from which on it is a warning; UTM turns north by at most 3°.
+#: Least such angle in degrees that gives a warning; UTM turns north by at most 3°.
 _FAR_TURNED_DEG = 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
 _MAX_METADATA_BYTES = 2**20
@@ -170,18 +170,17 @@ _PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel c
 _MAX_TURN_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
 _STATE_UNITS_OPTION = "-co GEOTIFF_VERSION=1.0"
-#: Sides of the part that a command cuts out of a map, over the sides of the wanted ground.
+#: Ratio of the sides of the part that a command cuts out of a map to the sides of the wanted ground.
 _CUT_MARGIN = 1.1
 
 
 @dataclass(frozen=True)
 class Site:
     """The requested part of a map: ``size_m`` metres of ground around an origin. With ``centre``, ``origin_m`` (east,
-    north) is the origin's distance in metres of ground from the middle of the map; otherwise it is the origin's map
-    coordinates in metres.
+    north) is the origin's distance, in metres of ground, from the middle of the map; otherwise it is the origin's map
+    coordinates in metres. With a ``point``, the origin is ``origin_m`` metres of ground from that point.
 
-    ``body_radius_m`` is the radius of the site's body, for a file in degrees that states no radius; 0 if unknown. With
-    a ``point``, the origin is ``origin_m`` metres of ground from that point.
+    ``body_radius_m`` is the radius of the site's body, for a file in degrees that states no radius; 0 if unknown.
     """
 
     centre: bool
@@ -199,14 +198,15 @@ MAP_FORMULA = (
 
 
 def describe_map_place(ground: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Place on a map of the ground of a ``pair.json``, with the formula for its points; empty for
+    """Return the position on a map from the ``ground`` of a ``pair.json``, with the formula for its points; empty for
     ground without a map."""
     place = (ground or {}).get("map")
     return {**place, "formula": MAP_FORMULA} if place else {}
 
 
 def describe_map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
-    """The result of ``describe_map_place`` as {"map": JSON text}, for the metadata of a file; empty without a map."""
+    """Return the result of ``describe_map_place`` as {"map": JSON text}, for the metadata of a file; empty without a
+    map."""
     place = describe_map_place(ground)
     return {"map": json.dumps(place)} if place else {}
 
@@ -257,9 +257,9 @@ class GeoTiff:
     """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, NaN where missing.
 
     ``pixel_m`` is the size of a pixel (east, north) on the ground. ``corner_m`` is the position of the centre of the
-    lower left pixel, from the origin of the ``Site``, or without one in map coordinates. Both are None if the file does
-    not state them; ``unplaced`` is then the reason, as the end of a sentence. ``report`` lists the file's statements
-    about its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of the whole file.
+    lower left pixel, from the origin of the ``Site``, or in map coordinates if there is no ``Site``. Both are None if
+    the file does not state them; ``unplaced`` is then the reason, as the end of a sentence. ``report`` lists the file's
+    statements about its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of the whole file.
     """
 
     heights_m: Array
@@ -308,8 +308,8 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
 
 
 def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
-    """Find from a file's tags why they lack the ground size of a pixel, as the end of a sentence; empty if they have
-    it.
+    """Find from a file's tags why the ground size of its pixels is unknown. Returns the end of a sentence, empty if the
+    size is known.
 
     ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError for a file that cannot be
     read.
@@ -330,7 +330,7 @@ def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
 
 
 def _describe_unknown_size(sentence: str, step: tuple[float, float]) -> str:
-    """The end of a sentence on pixels of a known size in an unknown unit."""
+    """Return the end of a sentence about pixels whose size is stated in an unknown unit."""
     return sentence.replace("{size}", f"{abs(step[0]):g} x {abs(step[1]):g}")
 
 
@@ -378,7 +378,8 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
 
 @dataclass(frozen=True)
 class _Placed:
-    """A window of a map (rows, columns in the file's order), the size of its pixels, and its position."""
+    """A window of a map (rows and columns in the file's order), the size of its pixels in metres of ground, and its
+    position."""
 
     window: tuple[range, range] | None
     pixel_m: tuple[float, float]
@@ -389,7 +390,7 @@ class _Placed:
 
 
 def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
-    """A warning if the body of a map differs in size from the body whose horizon and sky the site gets."""
+    """Warn if the body of a map differs in size from the body that gives the site its horizon and sky."""
     if abs(radius_m / body_radius_m - 1) <= _SAME_BODY:
         return []
     return [
@@ -400,8 +401,8 @@ def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
 
 
 def _describe_place(map_of: _Map, place: MapPlace, body_radius_m: float) -> tuple[list[str], list[str]]:
-    """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there.
-    ``body_radius_m`` is the radius of the body of the settings, or 0 for no check."""
+    """Return sentences for the report, and warnings, about a map's scale at a position and the direction of north
+    there. ``body_radius_m`` is the radius of the body in the settings, or 0 for no check."""
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
@@ -471,8 +472,8 @@ def _place_site(
 
 
 def _range_around(count: int, middle: float, half: float) -> range:
-    """The pixels of ``count`` within ``half`` pixels of the ``middle`` one, with a margin from which holes are filled;
-    at least two."""
+    """Return the pixels, of ``count``, that lie within ``half`` pixels of the ``middle``, and a margin from which holes
+    are filled. There are at least two."""
     low = min(max(math.floor(middle - half) - _MARGIN_PIXELS, 0), count - 2)
     return range(low, max(min(math.ceil(middle + half) + _MARGIN_PIXELS + 1, count), low + 2))
 
@@ -568,12 +569,12 @@ def _flat_system_option(keys: Mapping[int, Any]) -> str:
 
 
 def read_keys(tags: Tags) -> dict[int, Any]:
-    """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
+    """Read the GeoKeys in use, by number: whole numbers or floats. Raises ValueError if a key is text."""
     return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _GEOKEYS)
 
 
 def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
-    """Set missing and impossible heights to NaN; returns warnings."""
+    """Set missing and impossible heights to NaN. Returns warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
     if not text:
@@ -590,7 +591,7 @@ def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | 
 def apply_mask(
     grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
-    """Set the heights that the file's mask marks as unknown to NaN; returns warnings about its other images."""
+    """Set the heights that the file's mask marks as unknown to NaN. Returns warnings about the file's other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
     for image in masks[:1]:
@@ -626,7 +627,7 @@ def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> t
     """Convert the values to metres in place, by the scale, offset and unit that the file states. Returns sentences on
     the conversion, and whether the file states a unit.
 
-    Raises UnreadError if they are contradictory or of an unknown kind.
+    Raises UnreadError if scale, offset and unit contradict each other or are of an unknown kind.
     """
     items = read_metadata(image)
     scale, offset = read_scaling(image, items)
@@ -650,7 +651,7 @@ def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> t
 
 
 def _read_height_scale(tags: Tags) -> tuple[float, float] | None:
-    """Scale and offset of the values, if tie point and pixel scale change heights."""
+    """Read the scale and offset of the values, if tie point and pixel scale change heights."""
     third = float((*tags.get(33550, ()), 0.0, 0.0, 0.0)[2])
     _, _, from_z, _, _, to_z = (*tags.get(33922, ()), *(0.0,) * 6)[:6]
     if third not in (0.0, 1.0) or (third and (from_z or to_z)):
@@ -659,12 +660,12 @@ def _read_height_scale(tags: Tags) -> tuple[float, float] | None:
 
 
 def _scale_options(scale: float, offset: float) -> str:
-    """The options of ``gdal_translate`` that state heights of scale x value + offset."""
+    """Return the options of ``gdal_translate`` that state heights of scale x value + offset."""
     return f"-a_scale {scale!r} -a_offset {offset!r}"
 
 
 def read_metadata(image: Directory) -> dict[str, str]:
-    """The entries of GDAL_METADATA about the first band, by role: 'scale', 'offset', 'unittype'."""
+    """Read the entries of GDAL_METADATA about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
         raise UnreadError(
@@ -686,7 +687,8 @@ def read_metadata(image: Directory) -> dict[str, str]:
 
 
 def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, float]:
-    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are not numbers, or 0."""
+    """Read the scale and offset of the values from the file's metadata. Raises UnreadError if they are not numbers, or
+    if the scale is 0."""
     scale, offset = (
         _parse_finite(items.get(role, otherwise), role, image.name)
         for role, otherwise in (("scale", "1"), ("offset", "0"))
@@ -715,8 +717,8 @@ def _parse_finite(text: str, role: str, file: str) -> float:
 def _find_height_unit(
     keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str
 ) -> tuple[float, str]:
-    """Metres per unit of the heights, and the unit's name for a message; '' if the file states no unit. ``scaling`` is
-    the scale and the offset of the values, ``file`` the name for commands."""
+    """Find the metres per unit of the heights, and the unit's name for a message; '' if the file states no unit.
+    ``scaling`` is the scale and offset of the values, ``file`` the name for commands."""
     stated = {}
     if named:
         if named.lower() not in _METRES_PER_NAMED_UNIT:
@@ -729,7 +731,7 @@ def _find_height_unit(
     if system in _DEPTH_SYSTEMS:
         turned = _scale_options(-scaling[0], -scaling[1])
         raise UnreadError(
-            f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
+            f"holds depths (EPSG:{system}), which go down, not heights; change their sign and drop the "
             "vertical system in its folder with: "
             + gdal_lines.make_translate_command(file, turned, _flat_system_option(keys))
         )
@@ -754,7 +756,7 @@ def _find_height_unit(
 
 
 def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
-    """Raise UnreadError if the named units differ in size, by their metres."""
+    """Raise UnreadError if the named units, given in metres, differ in size."""
     if len({round(value, 9) for value in stated.values()}) > 1:
         second = list(stated.values())[-1]
         same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
@@ -770,8 +772,8 @@ def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
 
 
 def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
-    """Metres per unit of the file's coordinates, and the assumption behind it; or None and the reason why it is
-    unknown."""
+    """Find the metres per unit of the file's coordinates, and the assumption behind them; or None and the reason why
+    the unit is unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
         radius = find_geographic_radius_m(keys)
@@ -805,7 +807,7 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
 
 def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Read the steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of
-    the south-western pixel; None if the file lacks them. Raises UnreadError for a rotated grid and for pixels of
+    the south-western pixel. None if the file lacks them. Raises UnreadError for a rotated grid and for pixels of
     negative height."""
     tags, (rows, columns) = image.tags, image.shape
     if 33550 in tags:

@@ -40,16 +40,16 @@ _GLB_HEADER_BYTES = 20
 
 
 def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
-    """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it violates the glTF standard."""
+    """Read facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it violates the glTF standard."""
     return read(
         path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MAX_MESH_BYTES, _MAX_MEMORY
     )
 
 
 def check_gltf(path: Path) -> list[str]:
-    """Compare the statements of a file with its content and its buffers. Returns the names of the images that it names.
-    Raises IcyMoonError for accessors with fewer bytes than stated, for buffers outside of the file's folder, and for
-    too many nodes."""
+    """Compare the statements of a file with its content and its buffers. Returns the names of its images. Raises
+    IcyMoonError for accessors with fewer bytes than stated, for buffers outside the file's folder, and for too many
+    nodes."""
 
     def compare(foreign: ForeignBytes) -> list[str]:
         document, binary = _parse_gltf(foreign)
@@ -71,7 +71,7 @@ def check_gltf(path: Path) -> list[str]:
 
 
 def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
-    """The JSON, and the bytes of the binary chunk of a .glb, 0 without one."""
+    """Parse the JSON; also return the number of bytes in the binary chunk of a .glb, 0 without one."""
     start, size, binary = 0, foreign.size, 0
     if foreign.size >= _GLB_HEADER_BYTES and foreign.part(0, 4) == _GLB_MARK:
         start, size = _GLB_HEADER_BYTES, int.from_bytes(foreign.part(12, 4), "little")
@@ -92,7 +92,7 @@ def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
 
 
 def find_buffers(path: Path, document: dict[str, Any]) -> list[Path]:
-    """The files of the buffers that a .gltf names. Raises ValueError for one outside of its folder."""
+    """Find the files of the buffers that a .gltf names. Raises ValueError for one outside its folder."""
     names = [each["uri"] for each in document.get("buffers", ()) if "uri" in each]
     return [_find_inside(path, name) for name in names if name and not name.startswith("data:")]
 
@@ -139,7 +139,7 @@ def _find_view_size(stated: dict[str, Any], buffers: list[int]) -> int:
 
 
 def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict[str, Any]) -> int:
-    """The bytes of an accessor's values."""
+    """Compute how many bytes the values of an accessor take."""
     count = _read_count(stated, "count")
     size = _COMPONENT_BYTES[stated["componentType"]] * _NUMBERS_PER_ELEMENT[stated["type"]]
     if "bufferView" in stated:
@@ -157,7 +157,7 @@ def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict
 
 
 def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
-    """The indices of the accessors of all primitives, skins and animations, one for each use."""
+    """List the indices of the accessors of all primitives, skins and animations, one for each use."""
     for mesh in document.get("meshes", ()):
         for primitive in mesh["primitives"]:
             named = [primitive["attributes"], *primitive.get("targets", ())]
@@ -187,7 +187,7 @@ def _check_scenes(document: dict[str, Any]) -> None:
 
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:
-    """Check that nodes form trees of limited depth."""
+    """Check that nodes form trees, and that these are not too deep."""
     if len(nodes) > _MAX_NODES:
         raise OverBudgetError(f"has {len(nodes)} nodes, more than {_MAX_NODES}")
     parents: dict[int, int] = {}

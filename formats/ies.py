@@ -16,9 +16,9 @@ from ..physics.light.intensity_table import IntensityTable
 from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 
-#: Bytes of a file at most; 0.5° all around have 2 MB.
+#: Largest file in bytes; intensities every 0.5° all around take 2 MB.
 _MAX_BYTES = 2**23
-#: Most angles in either direction.
+#: Largest number of angles in either direction.
 _MAX_ANGLES = 1500
 _FIX = "export it as LM-63 with photometry of type C and TILT=NONE"
 _TYPE_NAMES = {2: "B", 3: "A"}
@@ -31,12 +31,12 @@ _STRENGTH_PER_CANDELA = 0.0706650768394
 
 
 def read_ies(path: Path) -> IntensityTable:
-    """The intensity by direction in a file. Raises IcyMoonError, one sentence with a fix."""
+    """Read the intensity by direction from a file. Raises IcyMoonError, one sentence with a fix."""
     return read(path, parse_ies, "an IES file", _FIX, _MAX_BYTES)
 
 
 def parse_ies(foreign: ForeignBytes) -> IntensityTable:
-    """The intensity by direction in the bytes of a file. Raises ValueError and RefusedError with the reason."""
+    """Parse the intensity by direction from the bytes of a file. Raises ValueError and RefusedError with the reason."""
     head, mark, rest = foreign.text().partition("TILT=")
     if not mark or not (not head or head.endswith("\n") or head.endswith("\r")):
         raise ValueError("no line that begins with TILT=")
@@ -62,8 +62,8 @@ def parse_ies(foreign: ForeignBytes) -> IntensityTable:
 
 
 def make_table(vertical_deg: Array, horizontal_deg: Array, values: Array) -> IntensityTable:
-    """The table of all directions from a file's angles and intensities. A file may omit planes that follow by symmetry,
-    and the dark half. Raises ValueError for angles or intensities that type C does not allow."""
+    """Complete a file's angles and intensities to all directions. A file may omit planes that follow by symmetry, and
+    the dark half. Raises ValueError for angles or intensities that type C does not allow."""
     for name, angles in (("vertical", vertical_deg), ("horizontal", horizontal_deg)):
         if (np.diff(angles) <= 0).any():
             raise ValueError(f"its {name} angles do not increase")
@@ -76,7 +76,7 @@ def make_table(vertical_deg: Array, horizontal_deg: Array, values: Array) -> Int
 
 
 def _complete_planes(angles: Array, values: Array) -> tuple[Array, Array]:
-    """The planes from 0 to 360 degrees, by the symmetry that the first and last angle indicate."""
+    """Complete the planes from 0 to 360 degrees, by the symmetry that the first and last angle indicate."""
     if len(angles) == 1 and angles[0] == 0:
         return angles, values
     first, last = float(angles[0]), float(angles[-1])
@@ -94,7 +94,7 @@ def _complete_planes(angles: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _complete_halves(vertical: Array, horizontal: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Vertical angles from 0 to 180 degrees; no light leaves into a half that the table leaves out."""
+    """Complete the vertical angles from 0 to 180 degrees. A half that the table leaves out gets no light."""
     dark = np.zeros((len(values), 2))
     if vertical[0] == 90.0:
         vertical = np.concatenate([[0.0, 90.0 - _EDGE_DEG], vertical])
@@ -119,8 +119,8 @@ def _parse_count(number: float) -> int:
 
 
 def write_for_cycles(table: IntensityTable) -> str:
-    """An IES file whose strength in Cycles is 4π times the table's intensity over its flux, so that a point lamp with
-    it sends out its power.
+    """Write an IES file with which a point lamp in Cycles sends out its own power: the strength is 4π times the table's
+    intensity divided by its flux.
 
     Cycles interpolates by curves, so the angles are close together. Cycles counts horizontal angles clockwise from the
     luminaire's lower side; the table counts them from its right side.

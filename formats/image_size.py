@@ -41,7 +41,7 @@ def check_pixels(foreign: ForeignBytes, pixels: int, most: int, fix: str) -> Non
 
 
 def count_pixels(foreign: ForeignBytes) -> int:
-    """Number of pixels that an image states; further values of a pixel count as further pixels. Raises ValueError,
+    """Count the pixels that an image states; a pixel with more values than usual counts as several. Raises ValueError,
     KeyError or OverBudgetError for a damaged file or an unknown kind."""
     start = foreign.part(0, min(foreign.size, 32))
     if start.startswith(_EXR_MARK):
@@ -87,7 +87,7 @@ def _count_jpeg(foreign: ForeignBytes) -> int:
 
 
 def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
-    """Width and height of a PNG, WebP, BMP, HDR or Targa image."""
+    """Read the width and height of a PNG, WebP, BMP, HDR or Targa image."""
     cursor = foreign.cursor(0, min(foreign.size, _MAX_HEADER_BYTES))
     if start.startswith(_PNG_MARK):
         cursor.skip(len(_PNG_MARK) + 8)

@@ -21,7 +21,7 @@ from ..support.files import quote
 from ..support.foreign_bytes import ForeignBytes, parse_toml, read
 from ..support.suggestions import suggest_nearest
 
-#: Bytes of the file at most.
+#: Largest file in bytes.
 _MAX_BYTES = 2**18
 _FIX = "correct the file, or take a shipped one of icymoon lidar --help"
 _PATTERNS = ("SPINNING", "RASTER", "FLASH")
@@ -85,9 +85,9 @@ _SHAPE: dict[str, Any] = {"lidar": _LIDAR_SHAPE, "sources": Maybe(Each(TEXT, TEX
 
 @dataclass(frozen=True)
 class LidarFile:
-    """A laser scanner, its title, and its direction unless a pose is stated: along the cameras (CAMERA), or level along
-    their heading (LEVEL). ``detector`` is None for a scanner without a detector; ``filter_nm`` is the width of the
-    filter before it (0: not stated)."""
+    """A laser scanner with its title. If no pose is stated, ``aim`` is its direction: along the cameras (CAMERA), or
+    level along their heading (LEVEL). ``detector`` is None for a scanner without a detector. ``filter_nm`` is the width
+    of the filter before it (0: not stated)."""
 
     title: str
     instrument: Instrument
@@ -107,7 +107,7 @@ def read_lidar(path: Path) -> LidarFile:
 
 
 def parse_lidar(data: Mapping[str, Any], path: Path) -> LidarFile:
-    """The laser scanner of the content of a file. Raises IcyMoonError as ``read_lidar``."""
+    """Parse a laser scanner from the content of a file. Raises IcyMoonError as ``read_lidar`` does."""
     check_record(dict(data), {"lidar": TABLE}, path, _FIX)
     _refuse_unknown(data, _SHAPE, "", path)
     _refuse_unknown(data["lidar"], _LIDAR_SHAPE, "lidar.", path)
@@ -198,7 +198,8 @@ def _make_instrument(values: Mapping[str, Any]) -> Instrument:
 def change_lidar(
     lidar: LidarFile, rows: int | None, columns: int | None, rays: int | None, returns: Reported | None
 ) -> LidarFile:
-    """Change a scanner's number of rows, columns or rays per beam, or its reported returns; None keeps a value."""
+    """Change the number of rows, columns or rays per beam of a scanner, or the returns that it reports; None keeps a
+    value."""
     own = lidar.instrument
     pattern = replace(
         own.pattern,

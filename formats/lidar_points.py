@@ -38,7 +38,7 @@ _POINTS = "point_m"
 
 
 def check_room(folder: Path, beams: int, samples: int = 0) -> None:
-    """Raise IcyMoonError if the disk of a folder, which need not exist, has no room for a return of each beam, and a
+    """Raise IcyMoonError if the disk of a folder, which need not exist, lacks room for a return of each beam, and for a
     packet of ``samples`` of its waveform."""
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
     with explain_disk_errors("write to", there):
@@ -53,9 +53,9 @@ def check_room(folder: Path, beams: int, samples: int = 0) -> None:
 
 
 class ReturnWriter:
-    """Writes returns as npz, batch by batch: the fields of ``Returns``, arrays beside them, ``row``, ``column`` and
-    ``time_s`` of each return's beam, and of false alarms ``false_beam``, ``false_range_m`` and ``false_point_m``; with
-    waveforms the fields of ``Waves`` of both.
+    """Writes returns as npz, batch by batch. The file contains the fields of ``Returns``, further arrays, and ``row``,
+    ``column`` and ``time_s`` of each return's beam. False alarms have ``false_beam``, ``false_range_m`` and
+    ``false_point_m``. With waveforms, both have the fields of ``Waves``.
 
     Arrays first grow in nameless files on the same disk, because an npz states an array's length before its values. So
     the disk briefly needs twice the size of the file.
@@ -74,7 +74,7 @@ class ReturnWriter:
         waves: tuple[Waves, Waves] | None = None,
     ) -> None:
         """Append returns (k,), further arrays (k,) by name, false alarms (None for a scan without a detector), and the
-        packets of both in the waveforms. Raises IcyMoonError if the disk refuses."""
+        waveform packets of both. Raises IcyMoonError if the disk refuses."""
         row, column, time_s = find_cells(returns.beam, self._pattern)
         arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)} | beside
         arrays |= {"row": row, "column": column, "time_s": time_s}
@@ -92,7 +92,7 @@ class ReturnWriter:
                 self._rows[name] += len(values)
 
     def finish(self, path: Path) -> None:
-        """Write what was added to a file. Raises IcyMoonError if the disk refuses."""
+        """Write everything that was added to a file. Raises IcyMoonError if the disk refuses."""
         write_atomically(path, self._write)
 
     def _write(self, path: Path) -> None:
@@ -122,7 +122,7 @@ class ReturnWriter:
 
 
 def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
-    """Row, column and time in s (n,) of beams (n,)."""
+    """Return the row, the column and the time in s (n,) of beams (n,)."""
     spinning = pattern.kind == "SPINNING"
     first, second = np.divmod(beam, pattern.rows if spinning else pattern.columns)
     row, column = (second, first) if spinning else (first, second)
@@ -131,7 +131,8 @@ def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
 
 
 def read_returns(path: Path, names: Sequence[str], rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
-    """Arrays of a ``lidar.npz`` by their names, ``rows`` entries at a time; names that the file lacks are left out.
+    """Read the arrays of a ``lidar.npz`` by their names, ``rows`` entries at a time. Names that the file lacks are left
+    out.
 
     Points have three columns, other arrays one, so a part needs little memory whatever the file states. Raises
     IcyMoonError if the file is damaged, has arrays of other shapes, or arrays of different lengths.

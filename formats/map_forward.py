@@ -42,7 +42,7 @@ def _transverse_mercator(s: MapSystem, longitude: float, latitude: float) -> tup
 def _make_azimuthal(
     radius: Callable[[MapSystem, float], float],
 ) -> Callable[[MapSystem, float, float], tuple[float, float]]:
-    """A projection about a point; ``radius`` returns the distance on the map of an angle on the sphere."""
+    """Make a projection about a point. ``radius`` returns the distance on the map for an angle on the sphere."""
 
     def forward(s: MapSystem, longitude: float, latitude: float) -> tuple[float, float]:
         origin = math.radians(s.latitude_deg)
@@ -102,8 +102,8 @@ _FORWARDS: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] =
 def project_point(system: MapSystem, longitude_deg: float, latitude_deg: float, turns: int = 0) -> tuple[float, float]:
     """Project a longitude and latitude in degrees to map coordinates in metres.
 
-    The longitude is taken within 180° of the central one; ``turns`` adds multiples of 360°, for maps that go on beyond
-    their edge. Raises ValueError for a point that the projection cannot show.
+    The longitude is taken within 180° of the central one; ``turns`` adds multiples of 360°, for maps that continue
+    beyond their edge. Raises ValueError for a point that the projection cannot show.
     """
     apart = (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0 + 360.0 * turns
     x, y = _FORWARDS[system.kind](system, math.radians(apart), math.radians(latitude_deg))

@@ -21,12 +21,13 @@ _VERTICAL = 1e-6
 
 @dataclass(frozen=True)
 class MapFrame:
-    """The position of a site on a map: the map coordinates of its ``origin`` in metres, metres of ground per metre of
-    map along x and y, metres per unit of the file, and the height in metres, in the file's system, at z = 0.
+    """The position of a site on a map: the map coordinates of its ``origin`` in metres, the ``scale`` in metres of
+    ground per metre of map along x and y, the file's unit in metres, and the height in metres at z = 0, in the file's
+    system.
 
     ``bounds`` are the outer edges of the file (west, south, east, north) in its unit; ``system`` is None for an
-    unsupported projection. ``body_radius_m`` is the radius of the body whose curvature the ground has; 0 for ground
-    that is as flat as its map.
+    unsupported projection. ``body_radius_m`` is the radius of the body if the ground is curved, and 0 if the ground is
+    as flat as its map.
     """
 
     origin: tuple[float, float]
@@ -39,29 +40,29 @@ class MapFrame:
     body_radius_m: float = 0.0
 
     def find_drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """Depth in metres below z = 0 of the body's surface at height 0, at points of the site."""
+        """Find how many metres the body's surface at height 0 lies below z = 0, at points of the site."""
         away_m = np.hypot(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         return drop_m(away_m, self.body_radius_m) if self.body_radius_m > 0 else np.zeros(away_m.shape)
 
     def to_map(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
-        """Easting and northing, in the unit of the file, of points east and north of the origin in metres."""
+        """Convert points, in metres east and north of the origin, to easting and northing in the unit of the file."""
         at = ((self.origin[k] + np.asarray(v) / self.scale[k]) / self.unit_m for k, v in enumerate((x_m, y_m)))
         east, north = at
         return east, north
 
     def to_site(self, easting: Numbers, northing: Numbers) -> tuple[Array, Array]:
-        """The inverse of ``to_map``."""
+        """Convert easting and northing back to points of the site; the inverse of ``to_map``."""
         at = ((np.asarray(v) * self.unit_m - self.origin[k]) * self.scale[k] for k, v in enumerate((easting, northing)))
         x, y = at
         return x, y
 
     def describe_camera(self, pose: Array) -> dict[str, Any]:
-        """Place and direction of a camera by the matrix (4, 4) from its OpenCV axes to the site.
+        """Describe the position and direction of a camera from the matrix (4, 4) from its OpenCV axes to the site.
 
-        Azimuths are clockwise, of the optical axis, or of the image's upper edge if the camera looks straight up or
-        down. ``azimuth_grid_deg`` is counted from the map's up, on the map; ``azimuth_true_deg`` from north, on the
-        ground; ``convergence_deg`` is the angle, clockwise, from the map's up to north at the camera. The true azimuth
-        is None for an unsupported projection.
+        Azimuths are clockwise. They are the azimuth of the optical axis, or of the image's upper edge if the camera
+        looks straight up or down. ``azimuth_grid_deg`` is counted from the map's up, on the map; ``azimuth_true_deg``
+        from north, on the ground; ``convergence_deg`` is the angle, clockwise, from the map's up to north at the
+        camera. The true azimuth is None for an unsupported projection.
         """
         x, y, z = (float(value) for value in pose[:3, 3])
         easting, northing = (float(value) for value in self.to_map(x, y))

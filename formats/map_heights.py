@@ -24,17 +24,17 @@ from . import gdal_lines
 from .geotiff import apply_mask, clear_missing, scale_to_metres, warn_unstated_metres
 from .map_frame import MapFrame
 from .map_projection import make_crs_text, states_degrees
-from .placed_pixels import Grid, PlacedImage, Way, interpolate_pixels, open_placed, reverse_range
+from .placed_pixels import PixelGrid, PlacedImage, Way, interpolate_pixels, open_placed_image, reverse_range
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
 
-#: Most pixels of a piece that is read at once, and of a window that is kept for all levels inside of it.
+#: Largest number of pixels of a piece that is read at once, and of a window that is kept for all levels inside it.
 _BLOCK_PIXELS, _KEPT_PIXELS = 2**21, 2**23
 #: Widest piece, in pixels.
 _BLOCK_WIDTH = 4096
-#: Places along a side of a level at which a projection is computed; between them it is taken for bilinear.
+#: Number of positions along a side of a level at which a projection is computed; between them it is interpolated.
 _PLACES = 33
-#: For a map in another projection, heights are interpolated from a grid of means: its finest step in pixels, and the
-#: most means along a side.
+#: Heights of a map in another projection are interpolated from a grid of means. These are the grid's finest step in
+#: pixels, and its largest number of means along a side.
 _FINEST_STEP, _MAX_STEPS = 0.125, 4096
 #: Half the width of the narrowest square, in pixels. Heights between pixels are bilinear, so a narrower square has the
 #: same mean.
@@ -50,8 +50,8 @@ WIDE_CELLS = 4.0
 @dataclass(frozen=True)
 class MapCover:
     """The extent of a map seen from the site: the width of a pixel in metres of ground at the site, and the distances
-    in metres along x or y from the site to the farthest edge and to the nearest one, which is negative for a site
-    beside the map."""
+    in metres, along x or y, from the site to the farthest and to the nearest edge. The nearest distance is negative for
+    a site beside the map."""
 
     pixel_m: float
     farthest_m: float
@@ -60,7 +60,7 @@ class MapCover:
 
 @dataclass(frozen=True)
 class MapMeans:
-    """The means of a map at each level, and sentences for the user."""
+    """The means of a map at each level, and warnings for the user."""
 
     levels: list[LevelMeans]
     warnings: tuple[str, ...]
@@ -72,12 +72,12 @@ ReadBlock = Callable[[range, range], Array]
 
 @dataclass(frozen=True)
 class MapPixels:
-    """The pixels of a map around a site: the number of all pixels (rows, columns), the position of the site among them
-    (column, row) from the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which
-    divides a window into pieces for ``read``.
+    """The pixels of a map around a site: the ``shape`` (rows, columns) of all pixels, the position ``origin`` (column,
+    row) of the site from the centre of the south-western pixel, and the pixels per metre of ground along x and y.
+    ``cut`` divides a window into pieces for ``read``.
 
-    ``way`` converts metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
-    end of the sentence about a map around which this conversion fails.
+    ``way`` converts metres around the site to columns and rows; None if the pixels lie along the axes. ``bent`` is the
+    end of a sentence about a map around which this conversion fails.
     """
 
     shape: tuple[int, int]
@@ -90,7 +90,7 @@ class MapPixels:
 
     @property
     def cover(self) -> MapCover:
-        """Its extent about the site."""
+        """The extent of the map about the site."""
         pixel = [1 / each for each in self.per_m]
         west, south = ((self.origin[k] + 0.5) * pixel[k] for k in range(2))
         east, north = ((self.shape[1 - k] - 0.5 - self.origin[k]) * pixel[k] for k in range(2))
@@ -98,9 +98,9 @@ class MapPixels:
         return MapCover(float(np.mean(pixel)), max(edges), min(edges))
 
 
-def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
-    """Heights (rows, columns) in memory, row 0 northernmost, with the centre of the lower left pixel at ``west_m`` and
-    ``south_m``."""
+def convert_array_to_pixels(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
+    """Make pixels from heights (rows, columns) in memory, row 0 northernmost. The centre of the lower left pixel is at
+    ``west_m`` and ``south_m``."""
     from_south = heights_m[::-1]
 
     def read_block(rows: range, columns: range) -> Array:
@@ -117,12 +117,12 @@ def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: fl
 
 
 def read_cover(path: Path, frame: MapFrame) -> MapCover:
-    """The extent of a map about the site of ``frame``, from the file's tags. Raises IcyMoonError as ``read_means``
+    """Read the extent of a map about the site of ``frame`` from the file's tags. Raises IcyMoonError as ``read_means``
     does."""
 
     def parse(foreign: ForeignBytes) -> MapCover:
         grant_memory(foreign)
-        return _place_pixels(_FileBlocks(foreign, open_placed(foreign, frame), None, 1.0), frame).cover
+        return _place_pixels(_FileBlocks(foreign, open_placed_image(foreign, frame), None, 1.0), frame).cover
 
     return read(path, parse, KIND, FIX, MAX_BYTES)
 
@@ -144,7 +144,7 @@ def read_means(
 
     def parse(foreign: ForeignBytes) -> MapMeans:
         grant_memory(foreign)
-        blocks = _FileBlocks(foreign, open_placed(foreign, frame), missing, height_scale)
+        blocks = _FileBlocks(foreign, open_placed_image(foreign, frame), missing, height_scale)
         found = measure_levels(_place_pixels(blocks, frame), levels, wide_m)
         return MapMeans(found, tuple(blocks.list_warnings()))
 
@@ -161,7 +161,7 @@ class _FileBlocks:
         self._states_unit = True
 
     def read(self, rows: range, columns: range) -> Array:
-        """Heights of pixels, see ``ReadBlock``."""
+        """Read the heights of pixels, see ``ReadBlock``."""
         grid, image = self.placed.grid, self.placed.images[0]
         window = grid.find_window(rows, columns)
         grant_memory(self._foreign)  # the piece before is no longer held
@@ -177,7 +177,7 @@ class _FileBlocks:
         return grid.turn_north_up(values)[::-1] * self._height_scale
 
     def cut(self, rows: range, columns: range) -> Iterator[tuple[range, range]]:
-        """Pieces of whole tiles, so that each tile is read once."""
+        """Cut a window into pieces of whole tiles, so that each tile is read once."""
         grid = self.placed.grid
         width, height = find_tile_size(self.placed.images[0])
         across = len(columns) if width >= grid.shape[1] else max(width, _BLOCK_WIDTH // width * width)
@@ -190,7 +190,7 @@ class _FileBlocks:
                 yield some_rows, some_columns
 
     def list_warnings(self) -> Iterator[str]:
-        """Sentences on what was read, without the name of the file."""
+        """List sentences on the values that were read, without the name of the file."""
         if self._missing is None and 42113 not in self.placed.images[0].tags:
             for extreme in self._extremes:
                 if abs(extreme) in USUAL_MARKS:
@@ -204,7 +204,8 @@ class _FileBlocks:
 
 
 def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
-    """Cut a range at multiples of ``step``, counted from the other edge with ``turned``, the number of pixels."""
+    """Cut a range at multiples of ``step``. They are counted from the other end if ``turned``, the number of pixels, is
+    not 0."""
     there = reverse_range(wanted, turned) if turned else wanted
     start = there.start
     while start < there.stop:
@@ -237,15 +238,15 @@ def _place_pixels(blocks: _FileBlocks, frame: MapFrame) -> MapPixels:
 
 
 def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
-    """Apply a ``way`` to a place; NaN where the projection is undefined."""
+    """Convert a position by ``way``; NaN where the projection is undefined."""
     try:
         return way(x, y)
     except (ValueError, OverflowError, ZeroDivisionError):
         return math.nan, math.nan
 
 
-def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
-    """The conversion from metres around the site to columns and rows, counted from pixel centres."""
+def _make_pixel_way(way: Way, grid: PixelGrid, frame: MapFrame) -> Way:
+    """Make the conversion from metres around the site to columns and rows, counted from pixel centres."""
 
     def to_pixel(x_m: float, y_m: float) -> tuple[float, float]:
         x, y = _try_way(way, frame.origin[0] + x_m / frame.scale[0], frame.origin[1] + y_m / frame.scale[1])
@@ -255,7 +256,7 @@ def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
 
 
 def _describe_bent_map(name: str, frame: MapFrame) -> str:
-    """The end of a sentence about a map that cannot be laid around a site by another projection."""
+    """Return the end of a sentence about a map that cannot be laid around a site by another projection."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
     option = f'-t_srs "{target}"'
     fix = f" with: {gdal_lines.make_warp_command(name, option)}" if target else "."
@@ -265,9 +266,9 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
 def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) -> list[LevelMeans]:
     """Measure the mean height of a map over the cell around each point of each level.
 
-    The share of known heights is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In another
-    projection, cells lie along the axes of the map and are as wide there as the level's cells. Raises UnreadError for a
-    map that is bent or torn around the site.
+    The share of known heights is measured over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. In
+    another projection, cells lie along the axes of the map and are as wide there as the level's cells. Raises
+    UnreadError for a map that is bent or torn around the site.
     """
     found: list[LevelMeans] = []
     for level in reversed(levels):
@@ -277,7 +278,7 @@ def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) ->
         rows, columns = _find_window(sums.wide, pixels.shape)
         if len(rows) and len(columns):
             if len(rows) * len(columns) <= _KEPT_PIXELS:
-                pixels = _keep(pixels, rows, columns)
+                pixels = _hold_window_in_memory(pixels, rows, columns)
             for some_rows, some_columns in pixels.cut(rows, columns):
                 sums.add(pixels.read(some_rows, some_columns), some_rows.start, some_columns.start)
         found.append(places.interpolate(sums))
@@ -285,7 +286,7 @@ def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) ->
 
 
 def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range]:
-    """Rows and columns of a map that squares touch."""
+    """Find the rows and columns of a map that squares touch."""
     left, right, low, high = squares.window
     rows, columns = (
         range(max(0, math.floor(first)), max(0, min(count, math.ceil(last) + 1)))
@@ -294,8 +295,8 @@ def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range
     return rows, columns
 
 
-def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
-    """The same pixels, with a window of them in memory."""
+def _hold_window_in_memory(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
+    """Return the same pixels with a window of them in memory."""
     kept = np.empty((len(rows), len(columns)))
     for some_rows, some_columns in pixels.cut(rows, columns):
         down = slice(some_rows.start - rows.start, some_rows.stop - rows.start)
@@ -317,7 +318,7 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 @dataclass(frozen=True)
 class _ResamplingGrid:
     """The square windows over which pixels are averaged, and the positions ``at`` (column, row) of a level's points
-    between them, in steps of windows; ``at`` is None if the points are the middles of the windows."""
+    between them, in steps of windows. ``at`` is None if the points are the middles of the windows."""
 
     squares: Squares
     at: tuple[Array, Array] | None

@@ -17,14 +17,14 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, read
 from . import gdal_lines
 from .map_frame import MapFrame
-from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed
+from .placed_pixels import PixelGrid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed_image
 from .tiff import FIX, KIND, MAX_BYTES, UnreadError, grant_memory
 
-#: Pixels beside the ground that are kept, for interpolation; most pixels over the ground.
+#: Number of pixels beside the ground that are kept for interpolation, and largest number of pixels over the ground.
 _BESIDE, _MAX_PIXELS = 2, 2**26
-#: Most pixels along a side of the image beyond the patch.
+#: Largest number of pixels along a side of the image beyond the patch.
 _MAX_SEEN = 2048
-#: Number of cells between the places at which a projection is computed; between these it is taken for bilinear. A map
+#: Number of cells between the positions at which a projection is computed; between them it is interpolated. A map
 #: with pixels of 100 m is then off by less than 0.01 pixels on the smallest moons.
 _LATTICE = 16
 _Box = tuple[float, float, float, float]
@@ -35,7 +35,8 @@ class MapImage:
     """Values (rows, columns) float64 over the ground, row 0 northernmost; missing values are replaced by the mean.
 
     ``west_m`` and ``south_m`` are the outer edges in the frame of the site, ``pixel_m`` the size of a pixel (east,
-    north). ``mean`` is over the square of the ground where the image has values, and ``covered`` the share of it.
+    north). ``mean`` is taken over the square of the ground where the image has values, and ``covered`` is the share of
+    the square where it has them.
     """
 
     values: Array
@@ -48,28 +49,28 @@ class MapImage:
 
 
 def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0) -> MapImage:
-    """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over a square of
-    ``seen_m``, limited to ``_MAX_SEEN`` pixels a side; then its outermost pixels are the mean.
+    """Read the image of a file over the square of ``size_m`` around the origin of a site.
 
-    Raises IcyMoonError for a file without a place, of another body, in an unsupported projection, or that does not
-    reach the ground.
+    Beyond it, the image is read over a square of ``seen_m``, limited to ``_MAX_SEEN`` pixels a side; its outermost
+    pixels are then the mean. Raises IcyMoonError for a file without a place, of another body, in an unsupported
+    projection, or that does not reach the ground.
     """
     return read(path, lambda foreign: _read(foreign, frame, size_m, seen_m), KIND, FIX, MAX_BYTES)
 
 
 def _read(foreign: ForeignBytes, frame: MapFrame, size_m: float, seen_m: float) -> MapImage:
     grant_memory(foreign)
-    placed = open_placed(foreign, frame)
+    placed = open_placed_image(foreign, frame)
     there = PlacedReader(foreign, placed.images, placed.grid)
     pixel = _find_pixel(placed, frame)
     wide_m = max(size_m, min(seen_m, _MAX_SEEN * min(pixel[k] * frame.scale[k] for k in range(2))))
-    found = _cut_out(there, frame, wide_m) if placed.way is None else _project(there, frame, wide_m, placed.way)
+    found = _cut_out(there, frame, wide_m) if placed.way is None else _project_image(there, frame, wide_m, placed.way)
     made = _fill_gaps_with_mean(found, size_m, frame, placed, foreign.name)
     return _frame_by_mean(made) if seen_m > size_m else made
 
 
 def _find_pixel(placed: PlacedImage, frame: MapFrame) -> tuple[float, float]:
-    """The size of a pixel of an image in metres along x and y of the ground's map."""
+    """Find the size of a pixel of an image, in metres along x and y of the ground's map."""
     return placed.grid.size if placed.way is None else _measure_pixel_m(placed.grid, frame, placed.way)
 
 
@@ -80,7 +81,7 @@ def _frame_by_mean(made: MapImage) -> MapImage:
 
 
 def _find_ground_box(frame: MapFrame, size_m: float) -> _Box:
-    """West, south, east and north edge of the ground in metres of its map."""
+    """Find the west, south, east and north edge of the ground, in metres of its map."""
     half = size_m / 2
     west, south = (frame.origin[k] - half / frame.scale[k] for k in range(2))
     return west, south, frame.origin[0] + half / frame.scale[0], frame.origin[1] + half / frame.scale[1]
@@ -88,8 +89,8 @@ def _find_ground_box(frame: MapFrame, size_m: float) -> _Box:
 
 @dataclass(frozen=True)
 class _Cut:
-    """Values (rows, columns) with NaN, the outer south-west corner and the size of a pixel in metres of the ground's
-    map."""
+    """Values (rows, columns), NaN where unknown; their outer south-west corner and the size of a pixel, in metres of
+    the ground's map."""
 
     values: Array
     west: float
@@ -98,7 +99,7 @@ class _Cut:
 
 
 def _cut_out(there: PlacedReader, frame: MapFrame, size_m: float) -> _Cut:
-    """The pixels of the image itself over the ground."""
+    """Cut out the image's own pixels over the ground."""
     grid = there.grid
     west, south, east, north = _find_ground_box(frame, size_m)
     (left, right), (low, high) = (
@@ -111,7 +112,7 @@ def _cut_out(there: PlacedReader, frame: MapFrame, size_m: float) -> _Cut:
     return _Cut(values, grid.west + columns.start * grid.size[0], grid.south + rows.start * grid.size[1], grid.size)
 
 
-def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _Cut:
+def _project_image(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _Cut:
     """Interpolate the image on cells along the ground's map, as wide as the image's pixels there."""
     west, south, east, north = _find_ground_box(frame, size_m)
     size = _measure_pixel_m(there.grid, frame, way)
@@ -136,28 +137,30 @@ def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _
 
 
 def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
-    """Raise UnreadError for too many pixels over the ground."""
+    """Raise UnreadError if the image has too many pixels over the area of the ground."""
     if rows * columns > _MAX_PIXELS:
         raise UnreadError(
-            f"has {columns} x {rows} pixels over the ground, and {_MAX_PIXELS} are read at most; make them wider, or "
-            f"terrain.size_m smaller; in its folder with: {gdal_lines.make_warp_command(there.name)}"
+            f"has {columns} x {rows} pixels over the ground, and {_MAX_PIXELS} are read at most; set a smaller "
+            f"terrain.size_m, or make the pixels wider in its folder with: {gdal_lines.make_warp_command(there.name)}"
         )
 
 
 def _make_lattice_edges(count: int) -> Array:
-    """Edges of cells, every ``_LATTICE`` of them, from the first one to the last."""
+    """Return the edges of a lattice over ``count`` cells, at most ``_LATTICE`` cells apart, from the first edge to the
+    last."""
     return np.linspace(0.0, count, math.ceil(count / _LATTICE) + 1)
 
 
 def _interpolate_row(values: Array, x: Array, y: Array, at_y: float) -> Array:
-    """Values on a lattice (y, x) at the middles of the cells of a row, bilinear."""
+    """Interpolate values on a lattice (y, x) bilinearly at the middles of the cells of a row."""
     k = min(int(np.searchsorted(y, at_y)), len(y) - 1)
     share = (at_y - y[k - 1]) / (y[k] - y[k - 1])
     return np.interp(np.arange(x[-1]) + 0.5, x, (1 - share) * values[k - 1] + share * values[k])
 
 
-def _measure_pixel_m(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, float]:
-    """The size of a pixel of the image, in metres along x and y of the ground's map at the origin of the site."""
+def _measure_pixel_m(grid: PixelGrid, frame: MapFrame, way: Way) -> tuple[float, float]:
+    """Measure the size of a pixel of the image, in metres along x and y of the ground's map at the origin of the
+    site."""
     step = 1.0
     x, y = frame.origin
     here = np.array(way(x, y))
@@ -167,8 +170,8 @@ def _measure_pixel_m(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, floa
 
 
 def _fill_gaps_with_mean(found: _Cut, size_m: float, frame: MapFrame, placed: PlacedImage, name: str) -> MapImage:
-    """The image in the frame of the site, with the mean where it has no values. Raises UnreadError if it has none over
-    the ground, or only black ones."""
+    """Return the image in the frame of the site, with the mean where it has no values. Raises UnreadError if it has no
+    values over the ground, or only black ones."""
     pixel = found.size[0] * frame.scale[0], found.size[1] * frame.scale[1]
     west, south = ((corner - frame.origin[k]) * frame.scale[k] for k, corner in enumerate((found.west, found.south)))
     rows, columns = found.values.shape

@@ -25,8 +25,8 @@ _ROUNDED = 1e-8
 
 @dataclass(frozen=True)
 class MapPoint:
-    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or easting and northing in the
-    unit of the file."""
+    """A place on a map: with ``degrees``, planetocentric longitude and latitude in degrees, else easting and northing
+    in the unit of the file."""
 
     x: float
     y: float
@@ -35,7 +35,7 @@ class MapPoint:
 
 @dataclass(frozen=True)
 class MapExtent:
-    """The outer edges of a map, in its metres, and the file's unit."""
+    """The outer edges of a map, in metres of the map, and the file's unit."""
 
     west: float
     south: float
@@ -50,12 +50,12 @@ class MapExtent:
         return west <= x <= east and south <= y <= north
 
     def in_file_unit(self) -> tuple[float, float, float, float]:
-        """West, south, east and north in the unit of the file."""
+        """Return the west, south, east and north edge in the unit of the file."""
         west, south, east, north = (edge / self.unit_m for edge in (self.west, self.south, self.east, self.north))
         return west, south, east, north
 
     def describe(self) -> str:
-        """The extent in the unit of the file, for a sentence."""
+        """Describe the extent in the unit of the file, for a sentence."""
         west, south, east, north = (f"{edge:.10g}" for edge in self.in_file_unit())
         return f"from {west} to {east} east and from {south} to {north} north"
 
@@ -95,15 +95,14 @@ def find_point(
 
 
 def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
-    """East longitude in degrees of the meridian from which a file counts; 0 if the file states none."""
+    """Return the east longitude, in degrees, of the meridian from which a file counts; 0 if the file states none."""
     stated = keys.get(_MERIDIAN_KEY, 0.0)
     return float(stated) if isinstance(stated, int | float) else 0.0
 
 
 def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
-    """List the map positions, m, of a longitude and latitude, degrees: first the position nearest to the map's middle,
-    then those 360° east and west of it.
-    """
+    """List the map positions, m, of a longitude and latitude, degrees: first the position nearest to the central
+    meridian, then those 360° west and east of it."""
     found = []
     for turns in (0, -1, 1):
         try:
@@ -114,7 +113,7 @@ def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -
 
 
 def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
-    """The middle of a map in degrees, for a sentence; empty where it has none."""
+    """Describe the middle of a map in degrees, for a sentence; empty where it has none."""
     try:
         longitude, latitude = system.to_sphere((extent.west + extent.east) / 2, (extent.south + extent.north) / 2)
     except (ValueError, OverflowError, ZeroDivisionError):
@@ -123,9 +122,9 @@ def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
 
 
 def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, name: str) -> float:
-    """Convert a point's latitude, degrees, to the map's convention: planetographic on an ellipsoid.
+    """Convert a point's latitude, in degrees, to the map's convention: planetographic on an ellipsoid.
 
-    Raises UnreadError for a projection of an ellipsoid, whose positions are known here only to its flattening.
+    Raises UnreadError for a projection of an ellipsoid, because positions on it are known here only to its flattening.
     """
     major, minor = read_ellipsoid_m(keys)
     code = keys.get(_PROJECTED_KEY)

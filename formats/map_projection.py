@@ -47,7 +47,7 @@ class MapSystem:
     north_m: float = 0.0
 
     def to_sphere(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Longitude and latitude in degrees of a place on the map. Raises ValueError beyond the map's edge."""
+        """Convert a place on the map to longitude and latitude in degrees. Raises ValueError beyond the map's edge."""
         longitude, latitude = INVERSES[self.kind](
             self, (x_m - self.east_m) / self.radius_m, (y_m - self.north_m) / self.radius_m
         )
@@ -79,7 +79,7 @@ def find_local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
     half = _SCALE_STEP_M / 2
 
     def step(dx: float, dy: float) -> tuple[float, float]:
-        """Metres east and north on the ground per metre along a direction of the map."""
+        """Return the metres east and north on the ground per metre along a direction of the map."""
         ends = [_local_axes(*system.to_sphere(x_m + side * dx, y_m + side * dy))[2] for side in (-half, half)]
         moved = [system.radius_m * (b - a) / _SCALE_STEP_M for a, b in zip(*ends, strict=True)]
         return _dot(moved, east), _dot(moved, north)
@@ -102,7 +102,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def _local_axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[float], list[float]]:
-    """Unit vectors east, north and up at a place, in the axes of the body."""
+    """Return the unit vectors east, north and up at a place, in the axes of the body."""
     u, v = math.radians(longitude_deg), math.radians(latitude_deg)
     return (
         [-math.sin(u), math.cos(u), 0.0],
@@ -141,7 +141,8 @@ def _invert_transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float
 def _make_azimuthal_inverse(
     angle: Callable[[MapSystem, float], float],
 ) -> Callable[[MapSystem, float, float], tuple[float, float]]:
-    """The inverse of a projection about a point; ``angle`` returns the angle on the sphere of a distance on the map."""
+    """Make the inverse of a projection about a point. ``angle`` returns the angle on the sphere for a distance on the
+    map."""
 
     def inverse(s: MapSystem, x: float, y: float) -> tuple[float, float]:
         rho, origin = math.hypot(x, y), math.radians(s.latitude_deg)
@@ -158,18 +159,19 @@ def _make_azimuthal_inverse(
 
 
 def _to_longitude_latitude(east: float, ahead: float, up: float) -> tuple[float, float]:
-    """Longitude and latitude of a direction of any length. Computed from both sine and cosine, since a sine alone is
-    wrong by decimetres near the poles."""
+    """Convert a direction of any length to longitude and latitude. They are computed from both sine and cosine, because
+    a sine alone is wrong by decimetres near the poles."""
     return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
 def half_polar_tangent(latitude: float) -> float:
-    """The tangent of half the angle from the south pole, as conformal projections use it."""
+    """Return the tangent of half the angle from the south pole, which conformal projections use."""
     return math.tan(math.pi / 4 + latitude / 2)
 
 
 def conformal_cone(s: MapSystem) -> tuple[float, float, float]:
-    """Constant, size and radius at the origin of Lambert's conformal cone (Snyder, equations 15-1 to 15-3)."""
+    """Return the constant, the size and the radius at the origin of Lambert's conformal cone (Snyder, equations 15-1 to
+    15-3)."""
     first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
     n = (
         math.sin(first)
@@ -182,7 +184,7 @@ def conformal_cone(s: MapSystem) -> tuple[float, float, float]:
 
 
 def equal_area_cone(s: MapSystem) -> tuple[float, float, float]:
-    """Constant, size and radius at the origin of Albers' cone (Snyder, equations 14-3 to 14-6)."""
+    """Return the constant, the size and the radius at the origin of Albers' cone (Snyder, equations 14-3 to 14-6)."""
     first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
     n = (math.sin(first) + math.sin(second)) / 2
     c = math.cos(first) ** 2 + 2 * n * math.sin(first)
@@ -287,7 +289,7 @@ KNOWN_SYSTEMS = {
 
 
 def states_degrees(keys: Mapping[int, Any]) -> bool:
-    """Whether the coordinates that GeoKeys describe are longitudes and latitudes, in degrees."""
+    """Return whether the GeoKeys describe longitudes and latitudes in degrees."""
     return bool(keys.get(_MODEL_KEY) == _GEOGRAPHIC)
 
 
@@ -311,7 +313,7 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
 
 
 def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSystem:
-    """The projection of a kind whose parameters GeoKeys state."""
+    """Read the projection of a kind whose parameters GeoKeys state."""
     angle = read_angle_unit(keys)
 
     def stated(*numbers: int, otherwise: float = 0.0) -> float:
@@ -368,9 +370,8 @@ _GREENWICH = 8901
 
 
 def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
-    """Make the map system of GeoKeys as text for PROJ and GDAL: ``EPSG:`` and its number, or a PROJ string in the
-    unit of the file; empty without a system or for an unknown one.
-    """
+    """Write the map system of GeoKeys as text for PROJ and GDAL: ``EPSG:`` and its number, or a PROJ string in the unit
+    of the file. Empty without a system or for an unknown one."""
     geographic = states_degrees(keys)
     code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
     if isinstance(code, int) and code not in (0, _USER_DEFINED):
@@ -394,7 +395,7 @@ def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
 
 
 def _make_body_text(keys: Mapping[int, Any]) -> str:
-    """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are unsupported."""
+    """Write PROJ's words for the body's ellipsoid and its prime meridian; empty if they are unsupported."""
     if keys.get(2051, _GREENWICH) not in (_GREENWICH, _USER_DEFINED):
         return ""
     first = f" +pm={read_angle_unit(keys) * keys[2061]!r}" if keys.get(2061) else ""
@@ -406,8 +407,8 @@ def _make_body_text(keys: Mapping[int, Any]) -> str:
 
 
 def make_datum_text(keys: Mapping[int, Any]) -> str:
-    """The datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the ellipsoid, or
-    the datum of a numbered map system; empty without a datum."""
+    """Describe the datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the
+    ellipsoid, or the datum of a numbered map system. Empty without a datum."""
     code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))
     if code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"
@@ -418,21 +419,22 @@ def make_datum_text(keys: Mapping[int, Any]) -> str:
 
 
 def find_geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
-    """Radius of the body to which a file's longitudes and latitudes belong; None if the file states neither a radius
-    nor a system of Earth."""
+    """Find the radius, m, of the body to which a file's longitudes and latitudes belong. None if the file states
+    neither a radius nor a system of Earth."""
     if _SEMI_MAJOR_KEY in keys:
         return _volumetric_radius_m(keys)
     return _EARTH_RADIUS_M if keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED) in _EARTH_SYSTEMS else None
 
 
 def _volumetric_radius_m(keys: Mapping[int, Any]) -> float:
-    """Compute the radius, m, of the sphere with the volume of the body's ellipsoid; Earth's radius without one."""
+    """Compute the radius, m, of the sphere with the same volume as the body's ellipsoid; Earth's radius without an
+    ellipsoid."""
     major, minor = read_ellipsoid_m(keys)
     return float((major * major * minor) ** (1 / 3)) if major else _EARTH_RADIUS_M
 
 
 def read_ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
-    """Half axes of the body's ellipsoid, at the equator and at the poles; 0 if the file states none."""
+    """Read the half axes, m, of the body's ellipsoid, at the equator and at the poles; 0 if the file states none."""
     major = keys.get(_SEMI_MAJOR_KEY)
     if not (isinstance(major, float) and 0 < major < math.inf):
         return 0.0, 0.0
@@ -444,12 +446,12 @@ def read_ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
 
 
 def read_angle_unit(keys: Mapping[int, Any]) -> float:
-    """Degrees per unit of the angles in the GeoKeys; 1 if these state no unit."""
+    """Read the degrees per unit of the angles in the GeoKeys; 1 if these state no unit."""
     return {9101: math.degrees(1.0), 9105: 0.9, 9106: 0.9}.get(keys.get(2054, 9102), 1.0)
 
 
 def _utm_zone(code: int) -> tuple[int, bool] | None:
-    """Number of the UTM zone of an EPSG system, and whether it is a southern one."""
+    """Return the number of an EPSG system's UTM zone, and whether the zone is southern."""
     for first, last, before in ((32601, 32660, 32600), (25828, 25838, 25800), (26901, 26923, 26900)):
         if first <= code <= last:
             return code - before, False

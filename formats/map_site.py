@@ -14,7 +14,7 @@ from .geotiff import MapPlace, Site
 from .map_point import MapPoint
 from .tiff import MAX_BYTES
 
-#: Suffixes of height maps that are read, those of TIFF first.
+#: Suffixes of height maps that are read, TIFF's suffixes first.
 TIFF_SUFFIXES = (".tif", ".tiff")
 SUFFIXES = (*TIFF_SUFFIXES, ".npy", ".png", ".exr")
 #: First bytes of a file that show its format.
@@ -25,7 +25,7 @@ _MAX_LONGITUDE_DEG, _MAX_LATITUDE_DEG = 360.0, 90.0
 
 
 def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
-    """The position of the settings' site on the map of a GeoTIFF file, from its tags; None without a map.
+    """Read the position of the settings' site on the map of a GeoTIFF file, from its tags; None without a map.
 
     Raises IcyMoonError for a file that cannot be read, and for a site that is not on its map.
     """
@@ -33,9 +33,8 @@ def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
 
 
 def check_map(path: Path, settings: Settings) -> None:
-    """Raise IcyMoonError for a height map of an unsupported format, and if neither it nor the settings state the size
-    of its pixels. Only the head of the file is read.
-    """
+    """Raise IcyMoonError for a height map of an unsupported format, and for one whose pixel size is stated neither by
+    the file nor by the settings. Only the head of the file is read."""
     source, radius_m = settings.source, float(settings.terrain.body_radius_m)
     refuse_size_by_hand(source)
     read_start(path, radius_m)
@@ -48,7 +47,7 @@ def check_map(path: Path, settings: Settings) -> None:
 
 
 def read_start(path: Path, body_radius_m: float) -> bytes:
-    """The first bytes of a height map, which show its format. Raises IcyMoonError for an unsupported format.
+    """Read the first bytes of a height map, which show its format. Raises IcyMoonError for an unsupported format.
 
     ``body_radius_m`` is for commands that convert a file in degrees.
     """
@@ -68,7 +67,8 @@ def read_start(path: Path, body_radius_m: float) -> bytes:
 
 
 def refuse_size_by_hand(source: SourceSettings) -> None:
-    """Raise IcyMoonError if the settings replace the map that the site's coordinates refer to."""
+    """Raise IcyMoonError if the settings state a pixel size in place of the map, but give the site by the map's
+    coordinates."""
     if source.site != "OFFSET" and source.metres_per_pixel > 0:
         raise IcyMoonError(
             f"source.metres_per_pixel = {source.metres_per_pixel:g} replaces the map of the file, in which source.site "
@@ -101,8 +101,8 @@ def make_map_site(settings: Settings) -> Site:
 
 
 def _find_stated_point(source: SourceSettings) -> MapPoint | None:
-    """Find the point that the settings give by coordinates; None without coordinates. Raises IcyMoonError if one of two
-    is missing, and for impossible coordinates."""
+    """Find the point that the settings give by coordinates; None without coordinates. Raises IcyMoonError if one of the
+    two coordinates is missing or impossible."""
     if source.site == "OFFSET":
         return None
     degrees = source.site == "DEGREES"

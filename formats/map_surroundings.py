@@ -30,8 +30,8 @@ _ENDLESS_M = 1e9
 
 
 def plan_surroundings(settings: Settings, covers: Sequence[MapCover]) -> list[Level]:
-    """The levels of the ground of settings, by the covers of their maps: the fine map, then the
-    coarser one, if any."""
+    """Plan the levels of the ground of settings, from the extents of their maps: the fine map, then the coarser one, if
+    any."""
     terrain, fine, coarse = settings.terrain, covers[0], covers[-1]
 
     def pixel_at(distance_m: float) -> float:
@@ -43,8 +43,9 @@ def plan_surroundings(settings: Settings, covers: Sequence[MapCover]) -> list[Le
 
 
 def plan_from_files(settings: Settings, files: Mapping[str, Path]) -> list[Level]:
-    """``plan_surroundings`` from the tags of the files that the settings name; a map whose pixel size is unknown before
-    its import is taken to have pixels as large as the patch's cells. Raises IcyMoonError if a file cannot be read."""
+    """Do ``plan_surroundings`` with the tags of the files that the settings name. A map whose pixel size is unknown
+    before its import is taken to have pixels as large as the patch's cells. Raises IcyMoonError if a file cannot be
+    read."""
     path, coarse = files["source.file"], files.get("source.surroundings_file")
     terrain, source = settings.terrain, settings.source
     stated_m = float(source.metres_per_pixel) or float(terrain.size_m) / max(int(terrain.resolution) - 1, 1)
@@ -65,14 +66,14 @@ def find_map_frame(path: Path, settings: Settings) -> MapFrame | None:
 
 
 def find_body_radius_m(settings: Settings, frame: MapFrame | None) -> float:
-    """Radius of the body under a map in metres, by its coordinate system, else by the settings."""
+    """Find the radius, m, of the body under a map: from its coordinate system, else from the settings."""
     if frame is None or frame.system is None:
         return float(settings.terrain.body_radius_m)
     return frame.system.radius_m
 
 
 def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[str]:
-    """Warnings about ground so far from the site that the map's projection displaces it; ``name`` is the file's.
+    """Return warnings about ground so far from the site that the map's projection displaces it; ``name`` is the file's.
 
     Raises IcyMoonError for ground beyond the visible side of the body, and for a map that ends before it.
     """
@@ -103,13 +104,13 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
 
 
 def _make_target_option(target: str) -> str:
-    """Make the option of ``gdalwarp`` for the coordinate system to project to."""
+    """Make the option of ``gdalwarp`` that names the coordinate system of the result."""
     return f'-t_srs "{target}"'
 
 
 def measure_displacement(frame: MapFrame, system: MapSystem, distance_m: float) -> float:
-    """Measure the largest horizontal displacement of ground from its position on the site's tangent plane, relative to
-    its distance; infinite outside the map."""
+    """Measure the largest horizontal displacement of ground from its position on the site's tangent plane, as a share
+    of its distance. Infinite outside the map."""
     longitude, latitude = system.to_sphere(*frame.origin)
     seen = replace(MapSystem("Orthographic", "", system.radius_m), longitude_deg=longitude, latitude_deg=latitude)
 

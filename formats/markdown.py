@@ -22,12 +22,12 @@ _CODE_OR_FORMULA = re.compile(
 )
 _LIST_ITEM = re.compile(r"(?:[*-]|\d+\.) +")
 _TABLE_RULE = re.compile(r"\|?[\s:|-]+\|?")
-#: The HTML that generated pages contain, after it was escaped: line breaks, places of links, and two signs.
+#: The HTML in generated pages, after it was escaped: line breaks, anchors of links, and two signs.
 _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);')
 
 
 def find_formulas(text: str) -> list[tuple[str, bool]]:
-    """The formulas of a page in TeX, each with True if it is displayed in its own block."""
+    """Find the formulas of a page in TeX, each with True if it is displayed in its own block."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     return [
         (_clean_tex(found), bool(found["block"])) for found in _CODE_OR_FORMULA.finditer(outside) if not found["code"]
@@ -39,20 +39,20 @@ def _clean_tex(found: re.Match[str]) -> str:
 
 
 def make_anchor(heading: str) -> str:
-    """The name of a heading in links to it, as MkDocs and GitHub make it."""
+    """Make the name of a heading in links, as MkDocs and GitHub do."""
     plain = re.sub(r"[`*]|\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()
     return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", plain)).strip("-")
 
 
 def list_anchors(text: str) -> set[str]:
-    """The anchors of all headings of a page."""
+    """List the anchors of all headings of a page."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     found = (re.match(r"#{1,6} +(.*)", line) for line in outside.splitlines())
     return {make_anchor(heading[1]) for heading in found if heading}
 
 
 def render_page(text: str, address: Address, formula: Formula) -> str:
-    """The HTML of a page's body."""
+    """Convert a page to the HTML of its body."""
 
     def inline(text: str) -> str:
         return _render_inline(text, address, formula)
@@ -88,7 +88,7 @@ def render_page(text: str, address: Address, formula: Formula) -> str:
 
 
 def _render_block(lines: list[str], inline: Callable[[str], str]) -> str:
-    """One paragraph, heading, list, table or indented code."""
+    """Convert one paragraph, heading, list, table or indented code to HTML."""
     first = lines[0].strip()
     if heading := re.match(r"(#{1,6}) +(.*)", first):
         level = len(heading[1])
@@ -126,7 +126,7 @@ def _unescape(found: re.Match[str]) -> str:
 
 
 def _render_inline(text: str, address: Address, formula: Formula) -> str:
-    """Text with code, formulas, links and emphasis."""
+    """Convert text with code, formulas, links and emphasis to HTML."""
 
     def linked(found: re.Match[str]) -> str:
         target = address(html.unescape(found[2]))

@@ -37,8 +37,8 @@ _FBX_ARRAY_VALUE_BYTES = {b"f": 4, b"d": 8, b"l": 8, b"i": 4, b"b": 1, b"c": 1}
 
 def check_mesh(path: Path, kind: str) -> None:
     """Check the content of a mesh file of a ``kind`` (see ``mesh_file.detect_kind``) against its statements. Raises
-    IcyMoonError if stated data are missing, if it names a file that a mesh must not name, or if a number is malformed.
-    """
+    IcyMoonError if stated data are missing, if a number is malformed, or if the file names another that a mesh must not
+    name."""
     if kind == "glTF":
         for name in gltf.check_gltf(path):
             _check_named(path, path.parent / name)
@@ -68,7 +68,7 @@ def _check_obj(path: Path, foreign: ForeignBytes) -> None:
 
 
 def _check_library(path: Path, foreign: ForeignBytes) -> None:
-    """Check the files that a material library names; every statement may name an image, with or without options."""
+    """Check the files that a material library names. Any statement may name an image, with or without options."""
     for _, line in foreign.lines():
         _, _, rest = line.strip().partition(b" ")
         for name in {rest.strip(), rest.split(b" ")[-1]} - {b""}:
@@ -146,7 +146,7 @@ def _skip_fbx_value(cursor: Cursor) -> None:
         count, packed, length = cursor.unpack("<3I")
         size = cursor.budget.charge(count * _FBX_ARRAY_VALUE_BYTES[kind], "arrays")
         if (packed and size > 1100 * length) or (not packed and size != length):  # zlib packs up to 1032 times
-            raise ValueError(f"the array before byte {cursor.at} has not the {size} bytes that it states")
+            raise ValueError(f"the array before byte {cursor.at} does not have the {size} bytes that it states")
         cursor.skip(length)
     elif kind in (b"S", b"R"):
         cursor.skip(cursor.number("<I"))

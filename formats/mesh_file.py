@@ -45,7 +45,7 @@ _USDA_MEMORY_PER_TRIANGLE = 1900.0
 
 @dataclass(frozen=True)
 class Cost:
-    """Rough time and memory for loading a mesh; ``exact`` if the header states the number of triangles."""
+    """Rough time and memory for loading a mesh. ``exact`` is true if the header states the number of triangles."""
 
     triangles: int
     seconds: float
@@ -58,7 +58,7 @@ class Cost:
         return self.seconds > 15.0 or self.memory_mib > 2048.0
 
     def sentence(self, path: Path) -> str:
-        """The cost as a part of a sentence."""
+        """Describe the cost as a part of a sentence."""
         about = "" if self.exact else "about "
         return (
             f"{path.name} has {about}{self.triangles / 1e6:.2g} million triangles; loading it takes about "
@@ -67,7 +67,8 @@ class Cost:
 
 
 def detect_kind(path: Path) -> str:
-    """'OBJ', 'PLY', 'STL', 'glTF', 'USD' or 'FBX': the suffix, confirmed by the file's first bytes.
+    """Detect the kind of a mesh file: 'OBJ', 'PLY', 'STL', 'glTF', 'USD' or 'FBX'. It follows from the suffix, and the
+    file's first bytes confirm it.
 
     Raises IcyMoonError if the file is absent, empty, of another kind or does not match its suffix.
     """
@@ -85,12 +86,12 @@ def detect_kind(path: Path) -> str:
 
 
 def add_article(kind: str) -> str:
-    """The kind of a mesh file with its article, by pronunciation."""
+    """Return the kind of a mesh file with the article that its pronunciation needs."""
     return f"{'an' if kind in ('STL', 'OBJ', 'FBX') else 'a'} {kind}"
 
 
 def read_opening(path: Path) -> bytes:
-    """The first bytes of a file. Raises IcyMoonError if it cannot be read."""
+    """Read the first bytes of a file. Raises IcyMoonError if it cannot be read."""
     return read(
         path,
         lambda foreign: foreign.part(0, min(foreign.size, _OPENING_BYTES)),
@@ -119,7 +120,7 @@ def _looks_like(kind: str, suffix: str, start: bytes) -> bool:
 
 
 def estimate_cost(path: Path) -> Cost:
-    """The cost of loading the mesh. Raises IcyMoonError as ``detect_kind`` does."""
+    """Estimate the cost of loading the mesh. Raises IcyMoonError as ``detect_kind`` does."""
     kind, size = detect_kind(path), path.stat().st_size
     counted, suffix = _read_triangle_count(kind, path), path.suffix.lower()
     triangles = (
@@ -156,7 +157,7 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
 
 
 def find_geometry_files(path: Path) -> list[Path]:
-    """The files that contain a mesh file's geometry: itself, and the buffers of a .gltf."""
+    """Find the files that contain a mesh file's geometry: the file itself, and the buffers of a .gltf."""
     if path.suffix.lower() != ".gltf":
         return [path]
     return [path, *read_gltf(path, lambda document: find_buffers(path, document))]

@@ -52,8 +52,8 @@ _GLTF_IMAGES = (
 
 @dataclass(frozen=True)
 class MeshImage:
-    """An image in ``file``: the whole file, or the bytes that ``data`` returns. ``channel`` is the channel in use, if
-    there is only one; ``not_followed`` is an unsupported request of the mesh. Equal objects are one image."""
+    """An image in ``file``: the whole file, or the bytes that ``data`` returns. ``channel`` is the channel in use if
+    there is only one. ``not_followed`` is an unsupported request of the mesh. Equal objects are one image."""
 
     file: Path
     place: str = ""
@@ -64,8 +64,8 @@ class MeshImage:
 
 @dataclass(frozen=True)
 class MeshImages:
-    """Different images by their kind (albedo, roughness, normal), and the further files that name
-    them (``named_in``)."""
+    """The different images of a mesh by their kind (albedo, roughness, normal), and the further files that name them
+    (``named_in``)."""
 
     by_kind: dict[str, list[MeshImage]]
     named_in: tuple[Path, ...] = ()
@@ -77,7 +77,7 @@ class MeshImages:
 
 
 def find_images(path: Path) -> MeshImages:
-    """The images that a mesh file brings. Raises IcyMoonError if it cannot be read."""
+    """Find the images that a mesh file names or contains. Raises IcyMoonError if it cannot be read."""
     suffix = path.suffix.lower()
     if suffix == ".obj":
         return _find_in_obj(path)
@@ -91,8 +91,8 @@ def find_images(path: Path) -> MeshImages:
 
 
 def choose_images(path: Path) -> dict[str, MeshImage]:
-    """The one image of each kind of a mesh file. Raises IcyMoonError for several images of a kind, or an unsupported
-    use of one."""
+    """Choose the one image of each kind from a mesh file. Raises IcyMoonError for several images of a kind, or an
+    unsupported use of one."""
     found = {}
     for kind, several in find_images(path).by_kind.items():
         fix = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
@@ -222,7 +222,7 @@ def _locate_gltf_image(path: Path, document: dict[str, Any], number: int, channe
 
 
 def _find_binary_start(path: Path) -> int:
-    """Offset in bytes of the binary chunk's data in a .glb, after the JSON and the headers of both chunks."""
+    """Find the offset in bytes of the binary chunk's data in a .glb, after the JSON and the headers of both chunks."""
     return 28 + int(struct.unpack_from("<I", read_opening(path), 12)[0])
 
 

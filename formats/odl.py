@@ -37,12 +37,13 @@ class Group:
     unclear: set[str] = field(default_factory=set)
 
     def list_all_groups(self) -> list[Group]:
-        """This group and all within it, in the order of the label."""
+        """List this group and all within it, in the order of the label."""
         return [self, *(inner for group in self.groups for inner in group.list_all_groups())]
 
 
 def parse_label(text: str) -> Group:
-    """The content of a label as a group without a name. Raises ValueError, with the line, if it is not a label."""
+    """Parse the content of a label as a group without a name. Raises ValueError, with the line, if it is not a
+    label."""
     return _Parser(text).parse()
 
 
@@ -50,13 +51,13 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0
         self._token: tuple[str, str] | None = None
-        self._start = 0  # where the token that was taken last begins
+        self._start = 0  # where the last taken token begins
 
     def _fail(self, what: str) -> ValueError:
         return ValueError(f"line {self._text.count(chr(10), 0, self._start) + 1}: {what}")
 
     def _peek(self) -> tuple[str, str]:
-        """Kind and content of the next token; two empty texts at the end."""
+        """Return the kind and the content of the next token; two empty texts at the end."""
         while self._token is None and self._at < len(self._text):
             self._start = self._at
             found = _TOKEN_PATTERN.match(self._text, self._at)

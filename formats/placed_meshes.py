@@ -27,7 +27,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 from .ply import FACE_TYPE, make_header
 
-#: Rows of text that are made at a time.
+#: Number of rows of text that are made at a time.
 _ROWS_AT_ONCE = 100_000
 #: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
 _MAX_GLTF_BYTES = 2**32 - 1
@@ -58,7 +58,7 @@ class PlacedMesh:
     places: Array
 
     def transform_to_instances(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield vertices (n, 3), m, normals (n, 3) and triangles (m, 3) of each instance in the site's frame."""
+        """Yield the vertices (n, 3), m, normals (n, 3) and triangles (m, 3) of each instance in the site's frame."""
         for matrix in self.places:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
             turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
@@ -71,7 +71,7 @@ class PlacedMesh:
 
 
 def group_by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
-    """Meshes by their kind, in their order."""
+    """Group meshes by their kind, in their order."""
     kinds: dict[str, list[PlacedMesh]] = {}
     for mesh in meshes:
         kinds.setdefault(mesh.kind, []).append(mesh)
@@ -123,7 +123,7 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def _write_rows(stream: IO[str], row: str, values: Array) -> None:
-    """Write a text for each of the rows of numbers (n, k)."""
+    """Write one text for each row of numbers (n, k)."""
     for start in range(0, len(values), _ROWS_AT_ONCE):
         some = values[start : start + _ROWS_AT_ONCE]
         stream.write((row * len(some)) % tuple(some.ravel().tolist()))
@@ -167,7 +167,7 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def _make_names(meshes: Sequence[PlacedMesh]) -> list[str]:
-    """Unique names of meshes, from their kinds and numbers."""
+    """Make unique names of meshes from their kinds and numbers."""
     return [f"{_make_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
 
 
@@ -176,7 +176,7 @@ def _make_identifier(text: str) -> str:
 
 
 def _format_usd_matrix(matrix: Array) -> str:
-    """The transform of a prim. USD multiplies rows by matrices, so it has the transpose."""
+    """Write the transform of a prim. USD multiplies rows by matrices, so the transform is transposed."""
     rows = ", ".join("(" + ", ".join(f"{value:.17g}" for value in row) + ")" for row in matrix.T.tolist())
     return (
         f"            matrix4d xformOp:transform = ( {rows} )\n"
@@ -243,7 +243,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -> Mapping[str, Any]:
-    """The JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
+    """Make the JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
     starts = np.cumsum([0, *(array.nbytes for array in arrays)]).tolist()
     views = [
         {
@@ -272,7 +272,7 @@ def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comme
 
 
 def _accessor(number: int, array: Array) -> dict[str, Any]:
-    """Make the glTF accessor of an array by its index; the order is vertices, normals, triangles, mesh by mesh."""
+    """Make the glTF accessor for the array with an index. The order is vertices, normals, triangles, mesh by mesh."""
     if array.dtype.kind == "u":
         return {"bufferView": number, "componentType": _GLTF_UNSIGNED, "count": array.size, "type": "SCALAR"}
     # The format asks for the ends of positions.
@@ -281,7 +281,7 @@ def _accessor(number: int, array: Array) -> dict[str, Any]:
 
 
 def _nodes(meshes: Sequence[PlacedMesh], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The tree of a scene: the ground, below it a node for each kind, and below that a node for each instance of a
+    """Make the tree of a scene: the ground, below it a node for each kind, and below that a node for each instance of a
     mesh."""
     nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Z_UP_TO_Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}

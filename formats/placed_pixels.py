@@ -37,9 +37,9 @@ Way = Callable[[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Pixels of an image, north up and from west to east: the outer south-west corner and size in metres of its map;
-    ``down`` and ``right`` tell whether its rows run south and its columns east in the file."""
+class PixelGrid:
+    """The pixel grid of an image, north up and from west to east: its outer south-west corner and the size of a pixel,
+    in metres of its map. ``down`` and ``right`` tell whether its rows run south and its columns east in the file."""
 
     shape: tuple[int, int]
     west: float
@@ -49,16 +49,16 @@ class Grid:
     right: bool
 
     def to_pixels(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Columns from the west edge and rows from the south edge, of places in metres of the map."""
+        """Convert places, in metres of the map, to columns from the west edge and rows from the south edge."""
         return (x - self.west) / self.size[0], (y - self.south) / self.size[1]
 
     def find_window(self, rows: range, columns: range) -> tuple[range, range]:
-        """Rows and columns of the file, for rows from the south edge and columns from the west edge."""
+        """Return the file's rows and columns for rows from the south edge and columns from the west edge."""
         high, wide = self.shape
         return reverse_range(rows, high) if self.down else rows, columns if self.right else reverse_range(columns, wide)
 
     def turn_north_up(self, pixels: Array) -> Array:
-        """Pixels (rows, columns) of the file with row 0 northernmost and column 0 westernmost."""
+        """Turn pixels (rows, columns) of the file so that row 0 is northernmost and column 0 westernmost."""
         pixels = pixels if self.down else pixels[::-1]
         return pixels if self.right else pixels[:, ::-1]
 
@@ -69,7 +69,7 @@ def reverse_range(wanted: range, count: int) -> range:
 
 
 def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
-    """Values between pixels, bilinear; NaN where one of the four neighbours is invalid."""
+    """Interpolate values bilinearly between pixels; NaN where one of the four neighbours is invalid."""
     left = np.clip(np.floor(column).astype(np.intp), 0, values.shape[1] - 2)
     low = np.clip(np.floor(row).astype(np.intp), 0, values.shape[0] - 2)
     u, v = column - left, row - low
@@ -83,25 +83,25 @@ def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
 
 @dataclass(frozen=True)
 class PlacedImage:
-    """The first image of a file, with its GeoKeys, its pixels on its map in metres, metres per unit of the file, and
-    the conversion from the map of the ground to its map; None if both maps are the same."""
+    """The first image of a file with its place: its GeoKeys, its pixel grid in metres of its map, and metres per unit
+    of the file. ``way`` converts coordinates of the ground's map to this map; None if both maps are the same."""
 
     images: list[Directory]
     keys: Mapping[int, Any]
-    grid: Grid
+    grid: PixelGrid
     unit_m: float
     way: Way | None
 
     @property
     def edges(self) -> tuple[float, float, float, float]:
-        """West, east, south and north edge in the unit of the file."""
+        """West, east, south and north edge, in the unit of the file."""
         grid = self.grid
         east, north = grid.west + grid.shape[1] * grid.size[0], grid.south + grid.shape[0] * grid.size[1]
         west, east, south, north = (edge / self.unit_m for edge in (grid.west, east, grid.south, north))
         return west, east, south, north
 
 
-def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
+def open_placed_image(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     """Open the image of a file with its map, for the ground of ``frame``.
 
     Raises UnreadError for a file without a map position, of another body, and in an unsupported projection.
@@ -118,7 +118,9 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
         )
     (east, north), corner = placed
     size = abs(east) * unit, abs(north) * unit
-    grid = Grid(image.shape, corner[0] * unit - size[0] / 2, corner[1] * unit - size[1] / 2, size, north < 0, east > 0)
+    grid = PixelGrid(
+        image.shape, corner[0] * unit - size[0] / 2, corner[1] * unit - size[1] / 2, size, north < 0, east > 0
+    )
     system = read_system(keys, unit)
     same = _is_same_system(keys, system, make_geokeys(image.tags), frame)
     if same and system is not None and system.kind in _ROUND_THE_BODY:
@@ -127,24 +129,24 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     return PlacedImage(images, keys, grid, unit, way)
 
 
-def _shift_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
-    """Shift the grid of an image around the body, whose longitudes may count to 180 or to 360, by multiples of 360° to
-    the site."""
+def _shift_to_site(grid: PixelGrid, system: MapSystem, frame: MapFrame) -> PixelGrid:
+    """Shift the grid of an image around the body by multiples of 360°, so that it is near the site. The image's
+    longitudes may count to 180 or to 360."""
     once = project_point(system, system.longitude_deg, 0.0, 1)[0] - project_point(system, system.longitude_deg, 0.0)[0]
     middle = grid.west + grid.shape[1] * grid.size[0] / 2
     return replace(grid, west=grid.west + once * round((frame.origin[0] - middle) / once))
 
 
 class PlacedReader:
-    """Reads windows of an image as values with scale, offset, missing marks and mask."""
+    """Reads windows of an image as values: scaled, with their offset, and NaN by missing marks and mask."""
 
-    def __init__(self, foreign: ForeignBytes, images: list[Directory], grid: Grid) -> None:
+    def __init__(self, foreign: ForeignBytes, images: list[Directory], grid: PixelGrid) -> None:
         self.grid, self.name = grid, foreign.name
         self._foreign, self._images = foreign, images
 
     def read(self, rows: range, columns: range) -> Array:
-        """The window of pixels ``rows`` from the south edge and ``columns`` from the west edge, row 0 northernmost;
-        NaN beyond the image and where it has no values."""
+        """Read the pixels ``rows`` from the south edge and ``columns`` from the west edge, with row 0 northernmost. NaN
+        beyond the image and where it has no values."""
         high, wide = self.grid.shape
         inner = range(max(rows.start, 0), min(rows.stop, high)), range(max(columns.start, 0), min(columns.stop, wide))
         values = np.full((len(rows), len(columns)), np.nan)
@@ -167,7 +169,7 @@ class PlacedReader:
 def _is_same_system(
     keys: Mapping[int, Any], system: MapSystem | None, geokeys: GeoKeys | None, frame: MapFrame
 ) -> bool:
-    """Whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
+    """Return whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
     if system is not None and frame.system is not None:
         same_body = read_ellipsoid_m(keys) == read_ellipsoid_m(frame.geokeys.numbers())
         return same_body and replace(system, name="") == replace(frame.system, name="")
@@ -177,7 +179,7 @@ def _is_same_system(
     return geokeys == frame.geokeys or (bool(text) and text == make_crs_text(frame.geokeys.numbers(), 1.0))
 
 
-def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: Grid, name: str) -> Way:
+def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: PixelGrid, name: str) -> Way:
     """Find the conversion from map coordinates of the ground to map coordinates of the image, in metres. Raises
     UnreadError, with the command that projects the image, if it is unknown."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
@@ -186,11 +188,11 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
     ground = frame.system
     if not keys.get(_MODEL_KEY):
         raise UnreadError(
-            "states no coordinate system; state it in its folder, if it is that of the ground, with: "
+            "states no coordinate system; if it is the system of the ground, state it in its folder with: "
             + gdal_lines.make_edit_command(name, f'-a_srs "{target}"')
         )
     if system is None or ground is None:
-        raise UnreadError(f"has another map than the ground, and an unsupported projection{with_fix}")
+        raise UnreadError(f"has another coordinate system than the ground, in an unsupported projection{with_fix}")
     if abs(system.radius_m / ground.radius_m - 1) > _SAME_BODY:
         raise UnreadError(
             f"is a map of a body with a radius of {system.radius_m / 1000:.6g} km, and the ground is of one with "
@@ -200,15 +202,15 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
         major, minor = read_ellipsoid_m(stated)
         if not major or abs(major - minor) > _SPHERE * major:
             raise UnreadError(
-                f"has another coordinate system than the ground, and one of both is of an ellipsoid{with_fix}"
+                f"has another coordinate system than the ground, and one of the two is for an ellipsoid{with_fix}"
             )
 
     return _make_way(ground, system, frame, grid)
 
 
-def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: Grid) -> Way:
-    """``_find_way`` for two projections of a sphere. Longitudes continue beyond the edge of the image's map at 180
-    degrees, in the range of the image."""
+def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: PixelGrid) -> Way:
+    """Make the conversion of ``_find_way`` between two projections of a sphere. Longitudes continue beyond the edge of
+    the image's map at 180 degrees, in the range of the image."""
 
     def apart_deg(longitude_deg: float) -> float:
         return (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0

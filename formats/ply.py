@@ -62,7 +62,7 @@ _LIST_BYTES_AT_ONCE = 2**22
 _LONGEST_ROW_BYTES = 2**20
 #: Largest mesh file in bytes; it is never in memory as a whole.
 MAX_MESH_BYTES = 2**36
-#: Lists and numbers that are numbers of vertices.
+#: Names of the lists and numbers that are vertex indices.
 _FACE_LIST_NAMES = ("vertex_indices", "vertex_index")
 _VERTEX_INDEX_PROPERTIES = {*(("face", name) for name in _FACE_LIST_NAMES), ("edge", "vertex1"), ("edge", "vertex2")}
 _FIX = "export the mesh again"
@@ -70,7 +70,7 @@ _FIX = "export the mesh again"
 
 @dataclass(frozen=True)
 class _Property:
-    """A property: its name, the numpy type of its values, and of their number if it is a list."""
+    """A property: its name, the numpy type of its values, and the numpy type of their number if it is a list."""
 
     name: str
     kind: str
@@ -79,7 +79,7 @@ class _Property:
 
 @dataclass(frozen=True)
 class _Element:
-    """An element: ``count`` rows of properties."""
+    """An element of a file: ``count`` rows of properties."""
 
     name: str
     count: int
@@ -87,16 +87,16 @@ class _Element:
 
     @property
     def is_plain(self) -> bool:
-        """Whether no property is a list."""
+        """Return whether no property is a list."""
         return all(each.count_kind is None for each in self.properties)
 
     @property
     def least_bytes(self) -> int:
-        """Bytes of a row whose lists are empty."""
+        """Number of bytes of a row whose lists are empty."""
         return sum(np.dtype(each.count_kind or each.kind).itemsize for each in self.properties)
 
     def row_type(self, order: str) -> np.dtype[np.void]:
-        """The type of a row without lists."""
+        """Return the numpy type of a row without lists."""
         return np.dtype([(each.name, order + each.kind) for each in self.properties])
 
 
@@ -113,7 +113,7 @@ class _Header:
 
 
 def _parse_header(foreign: ForeignBytes) -> _Header:
-    """The header. Raises ValueError, with the line, for an impossible header."""
+    """Parse the header. Raises ValueError, with the line, for an impossible header."""
     head = foreign.part(0, min(foreign.size, _MAX_HEADER_BYTES))
     elements: list[tuple[str, int, list[_Property]]] = []
     comments: list[bytes] = []
@@ -164,13 +164,14 @@ def _parse_property(words: list[str], number: int) -> _Property:
 
 
 def count_triangles(path: Path) -> int | None:
-    """The number of faces in the header of a file, None without one. Raises IcyMoonError for a damaged header."""
+    """Read the number of faces from the header of a file; None if it states none. Raises IcyMoonError for a damaged
+    header."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
 
 def read_texture_files(path: Path) -> list[bytes]:
-    """The names of images in comments of the header, as VCGlib writes them.
+    """Read the names of images from comments of the header, as VCGlib writes them.
 
     Raises IcyMoonError for a damaged header.
     """
@@ -182,7 +183,7 @@ def read_texture_files(path: Path) -> list[bytes]:
 
 def check_ply(foreign: ForeignBytes) -> None:
     """Compare the data with the header's statements, before a library allocates memory for them. Raises ValueError,
-    with the line, for missing rows, malformed numbers, and faces and edges with vertices that do not exist."""
+    with the line, for missing rows, malformed numbers, and indices of vertices that do not exist."""
     header = _parse_header(foreign)
     if bare := next((each for each in header.elements if each.count and not each.properties), None):
         raise ValueError(f"its element {shorten(bare.name)!r} has rows without a property")
@@ -216,7 +217,7 @@ def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int)
 
 
 def _find_lowest(element: _Element, name: str) -> int | None:
-    """The smallest vertex index that a property may have; None for a property with other numbers."""
+    """Return the smallest vertex index that a property may have; None for a property with other numbers."""
     if (element.name, name) in _VERTEX_INDEX_PROPERTIES:
         return 0
     return -1 if element.name == "tristrips" and name in _FACE_LIST_NAMES else None  # -1 begins another strip
@@ -233,7 +234,8 @@ def _check_index_ranges(foreign: ForeignBytes, at: int, element: _Element, order
 
 
 def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> int:
-    """Check the rows of an element with lists, together while they have equal lengths. Returns the byte after them."""
+    """Check the rows of an element with lists. Rows of equal lengths are checked together. Returns the byte after
+    them."""
     row, kind = 0, _type_of_first_row(foreign, at, element, order)
     lengths = {name: kind[name].shape[0] for name in kind.names or () if f"length of {name}" in (kind.names or ())}
     while row < element.count:
@@ -252,7 +254,7 @@ def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, 
 
 
 def _type_of_first_row(foreign: ForeignBytes, at: int, element: _Element, order: str) -> np.dtype[np.void]:
-    """The type of an element's rows if all lists have the lengths of the row at byte ``at``."""
+    """Return the numpy type of an element's rows if all lists are as long as in the row at byte ``at``."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for each in element.properties:
         length = 1
@@ -391,7 +393,7 @@ def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 
 def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
-    """The vertex indices in the words of a row, each list with the smallest allowed index."""
+    """Split the words of a row into its lists of vertex indices, each with the smallest allowed index."""
     found, at = [], 0
     for each, least in zip(element.properties, lowest, strict=True):
         length = 1
@@ -409,7 +411,7 @@ def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]
 
 
 def read_comment_number(path: Path, name: str) -> int | None:
-    """The whole number N of a comment ``name N``, None without one. Raises IcyMoonError if the file is not PLY."""
+    """Read the whole number N of a comment ``name N``; None without one. Raises IcyMoonError if the file is not PLY."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MAX_MESH_BYTES)
     found = next(
         (words[1] for text in header.comments if len(words := text.split()) == 2 and words[0] == name.encode()), b""
@@ -418,7 +420,7 @@ def read_comment_number(path: Path, name: str) -> int | None:
 
 
 def read_vertices(path: Path) -> Array | None:
-    """Coordinates (n, 3) float64 of the vertices; None for a file with an unusual layout."""
+    """Read the coordinates (n, 3) float64 of the vertices; None for a file with an unusual layout."""
     return read_properties(path, "x", "y", "z")
 
 
@@ -453,11 +455,12 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | 
 
 
 def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
-    """Read texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), indices of this file's vertices.
+    """Read the texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), indices of this file's
+    vertices.
 
-    The coordinates of the file's faces keep seams, so they come before the coordinates of its vertices. None if the
-    file has neither, or an unsupported layout: with coordinates of faces, vertices must come first and then triangles
-    only, and ``faces`` may be some of them.
+    The coordinates of the file's faces keep seams, so they have precedence over the coordinates of its vertices. None
+    if the file has neither, or an unsupported layout. If its faces have coordinates, vertices must come first and then
+    triangles only; ``faces`` may be some of them.
     """
     found = _read_corner_coordinates(path, faces)
     if found is not None:
@@ -482,7 +485,8 @@ def _read_corner_coordinates(path: Path, faces: Array) -> Array | None:
 
 
 def _read_face_table(foreign: ForeignBytes) -> tuple[Array, Array] | None:
-    """Corners (m, 3) and their texture coordinates (m, 6) of triangles that follow the vertices; None for others."""
+    """Read the corners (m, 3) and their texture coordinates (m, 6) of triangles that follow the vertices; None for
+    other faces."""
     header = _parse_header(foreign)
     if [element.name for element in header.elements[:2]] != ["vertex", "face"] or not header.elements[0].is_plain:
         return None
@@ -550,8 +554,8 @@ def write_triangles(
 
 
 def read_triangles(path: Path) -> tuple[Array, Array]:
-    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for any other
-    file."""
+    """Read the positions (n, 3) and triangles (m, 3) of a file from ``write_triangles``. Raises IcyMoonError for any
+    other file."""
     return read(path, _parse_triangles, "a PLY file of ours", "make it again")
 
 
@@ -571,8 +575,8 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
 def encode_triangles(
     names: tuple[str, ...], vertices: Array, triangles: Array, comments: tuple[str, ...] = ()
 ) -> bytes:
-    """A binary PLY file in single precision: vertices (n, k), whose k properties have these ``names``, and vertex
-    indices (m, 3) of triangles."""
+    """Encode a binary PLY file in single precision: vertices (n, k), whose k properties have these ``names``, and
+    vertex indices (m, 3) of triangles."""
     faces = np.empty(len(triangles), FACE_TYPE)
     faces["count"], faces["corners"] = 3, triangles
     return (
@@ -612,8 +616,8 @@ def write_cloud_parts(
 
 
 def make_header(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
-    """The header of a binary file; ``vertices`` and ``triangles`` are counts, ``names`` the vertices' properties in
-    single precision."""
+    """Make the header of a binary file. ``vertices`` and ``triangles`` are counts, ``names`` the vertices' properties
+    in single precision."""
     header = [
         "ply",
         "format binary_little_endian 1.0",

@@ -12,7 +12,7 @@ from ..support.png_pixels import PNG_START
 
 
 def encode_png(picture: Array, level: int = 1) -> bytes:
-    """The file of an RGB picture (H, W, 3), uint8, or a grey one (H, W), uint8 or uint16.
+    """Encode an RGB picture (H, W, 3), uint8, or a grey one (H, W), uint8 or uint16, as a PNG file.
 
     ``level`` of compression is from 0 (none) to 9.
     """

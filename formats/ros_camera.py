@@ -61,7 +61,7 @@ class RosCamera:
 
     @property
     def k(self) -> tuple[float, ...] | None:
-        """k1, k2, p1, p2, k3 of plumb_bob; None for other models."""
+        """Coefficients k1, k2, p1, p2, k3 of plumb_bob; None for other models."""
         return (*self.coefficients, 0.0)[:5] if self.model == "plumb_bob" else None
 
 
@@ -130,7 +130,7 @@ def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, 
 
 
 def _read_binning(stated: dict[str, Any], key: str) -> int:
-    """Number of pixels that form one; 0 counts as 1."""
+    """Read how many pixels form one; 0 counts as 1."""
     count = max(_read_whole(stated, key, least=0), 1) if key in stated else 1
     if count > _MAX_BINNED:
         raise RefusedError(f"has {key} of {count}, and at most {_MAX_BINNED} pixels are read as one; correct it.")

@@ -46,7 +46,7 @@ def describe_world_file(path: Path) -> list[str]:
 
 
 def describe_gdal_notes(path: Path) -> list[str]:
-    """A clause on the facts that GDAL's notes beside a map state; empty without notes."""
+    """Describe, as a clause, the facts that GDAL's notes beside a map state; empty without notes."""
     notes = path.with_name(f"{path.name}.aux.xml")
     if not notes.is_file():
         return []

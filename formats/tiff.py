@@ -130,7 +130,7 @@ class Directory:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns. Raises KeyError if the directory does not state them."""
+        """Numbers of rows and columns. Raises KeyError if the directory does not state them."""
         return int(self.tags[257][0]), int(self.tags[256][0])
 
     @property
@@ -150,7 +150,8 @@ def grant_memory(foreign: ForeignBytes) -> None:
 
 
 def read_directories(foreign: ForeignBytes) -> list[Directory]:
-    """The images of a TIFF file in their order. Raises KeyError, ValueError or OverBudgetError if it is truncated."""
+    """Read the images of a TIFF file in their order. Raises KeyError, ValueError or OverBudgetError if it is
+    truncated."""
     start = foreign.cursor(0, min(foreign.size, 16))
     order = {b"II": "<", b"MM": ">"}[start.take(2)]
     magic = start.number(f"{order}H")
@@ -171,7 +172,7 @@ def read_directories(foreign: ForeignBytes) -> list[Directory]:
 
 
 def stores_floats(path: Path) -> bool:
-    """Whether a file is a TIFF file of floating-point numbers; False for a damaged file or another format."""
+    """Return whether a file is a TIFF file of floating-point numbers; False for a damaged file or another format."""
     try:
         return read(path, lambda foreign: read_directories(foreign)[0].number(339, 1) == 3, KIND, FIX, MAX_BYTES)
     except IcyMoonError:
@@ -179,7 +180,7 @@ def stores_floats(path: Path) -> bool:
 
 
 def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[Tags, int]:
-    """Values of a directory's tags by number, and the offset of the next directory, 0 after the last."""
+    """Read the values of a directory's tags by number, and the offset of the next directory, 0 after the last."""
     big = place.endswith("Q")
     head, inline = (f"{order}HHQ", 8) if big else (f"{order}HHI", 4)
     length = 8 if big else 2
@@ -197,7 +198,7 @@ def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[
 
 
 def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: str, value: bytes) -> tuple[Any, ...]:
-    """``n`` values of a tag, from its entry or from the offset in the entry."""
+    """Read ``n`` values of a tag, from its entry or from the offset in the entry."""
     unit = order + _VALUE_TYPES[kind]
     size = n * struct.calcsize(unit)
     foreign.budget.charge(size + _VALUE_MEMORY * (1 if kind == 2 else n), "tags")
@@ -209,10 +210,10 @@ def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: st
 def read_pixels(
     foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
 ) -> tuple[Array, np.dtype[Any]]:
-    """Read an image's one band as float64 (rows, columns), NaN for an absent tile, and the file's number type. With a
-    ``window`` (rows, columns), only its tiles or strips are read. Raises UnreadError for an unsupported kind of image,
-    or one that needs more memory than a file of its size may use. Raises ValueError, or an error of the decompressor,
-    for a truncated file or an impossible window."""
+    """Read an image's one band as float64 (rows, columns), NaN for an absent tile. Also return the file's number type.
+    With a ``window`` (rows, columns), only its tiles or strips are read. Raises UnreadError for an unsupported kind of
+    image, or one that needs more memory than a file of its size may use. Raises ValueError, or an error of the
+    decompressor, for a truncated file or an impossible window."""
     number, unpack = _find_number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
@@ -224,7 +225,7 @@ def read_pixels(
         raise ValueError(f"{len(offsets)} tiles or strips")
     row_bytes = -(-width // 8) if number.kind == "b" else width * number.itemsize
     try:
-        # A tile is there packed, unpacked and with its prediction undone.
+        # A tile is in memory three times: packed, unpacked, and with its prediction undone.
         foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
     except OverBudgetError:
         raise UnreadError(
@@ -256,7 +257,7 @@ def read_pixels(
 
 
 def _make_smaller(image: Directory, wanted: int) -> str:
-    """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
+    """Return the fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
     if _PIXEL_MEMORY * wanted <= _BASE_MEMORY // 2:
         return f"store it in tiles, in its folder with: {gdal_lines.make_tile_command(image.name)}"
     rows, columns = image.shape
@@ -267,8 +268,8 @@ def _make_smaller(image: Directory, wanted: int) -> str:
 
 
 def find_tile_size(image: Directory) -> tuple[int, int]:
-    """Width and height of the tiles or strips; the last strip may be lower. Raises ValueError for an image or a tile
-    without pixels."""
+    """Find the width and height of the tiles or strips; the last strip may be lower. Raises ValueError for an image or
+    a tile without pixels."""
     rows, columns = image.shape
     if 322 in image.tags:
         width, height = image.number(322, 0), image.number(323, 0)
@@ -280,8 +281,8 @@ def find_tile_size(image: Directory) -> tuple[int, int]:
 
 
 def _checked_window(image: Directory, window: tuple[range, range] | None) -> tuple[range, range]:
-    """The rows and columns to read; all without a ``window``. Raises ValueError for rows or columns outside the image,
-    and UnreadError for too many."""
+    """Return the rows and columns to read; all without a ``window``. Raises ValueError for rows or columns outside the
+    image, and UnreadError for too many."""
     rows, columns = image.shape
     down, right = window or (range(rows), range(columns))
     if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
@@ -295,7 +296,8 @@ def _checked_window(image: Directory, window: tuple[range, range] | None) -> tup
 
 
 def _find_overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
-    """The overlap of ``size`` rows (or columns) from ``start`` on with the ``wanted`` rows, as a slice of each."""
+    """Find the overlap of the ``wanted`` rows (or columns) with ``size`` rows from ``start`` on, as a slice of each:
+    first of the ``size`` rows, then of the wanted ones."""
     first, last = max(start, wanted.start), min(start + size, wanted.stop)
     return slice(first - start, last - start), slice(first - wanted.start, last - wanted.start)
 
@@ -326,12 +328,13 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
 
 
 def _convert_fix(image: Directory, *options: str) -> str:
-    """The fix for a kind of file that only GDAL can read."""
+    """Return the fix for a kind of file that only GDAL can read."""
     return f"convert it in its folder with: {gdal_lines.make_translate_command(image.name, *options)}"
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
-    """A function that decompresses a tile or strip to a given length. Raises UnreadError for an unsupported method."""
+    """Choose the function that decompresses a tile or strip to a given length. Raises UnreadError for an unsupported
+    method."""
     compression = image.number(259, 1)
     if compression == 50000 and (zstandard := _find_zstandard()):
         return zstandard
@@ -371,7 +374,7 @@ def _inflate(block: bytes, length: int) -> bytes:
 
 
 def _unpack_bits(block: bytes, length: int) -> bytes:
-    """PackBits (TIFF 6.0, section 9): runs and literals, each after a byte that counts them."""
+    """Decompress PackBits (TIFF 6.0, section 9): runs and literals, each after a byte that counts them."""
     out, at = bytearray(), 0
     while at < len(block) and len(out) < length:
         count = block[at]
@@ -385,7 +388,8 @@ def _unpack_bits(block: bytes, length: int) -> bytes:
 
 
 def unpack_lzw(block: bytes, length: int) -> bytes:
-    """LZW (TIFF 6.0, section 13): codes of 9 to 12 bits, the most significant first, each width one code early."""
+    """Decompress LZW (TIFF 6.0, section 13): codes of 9 to 12 bits, the most significant bit first. The width of the
+    codes grows one code early."""
     clear, end = 256, 257
     first = [bytes((k,)) for k in range(256)] + [b"", b""]
     table, last = first.copy(), b""
@@ -420,7 +424,7 @@ def unpack_lzw(block: bytes, length: int) -> bytes:
 
 
 def _undo_prediction(block: bytes, shape: tuple[int, int], number: np.dtype[Any], predictor: int) -> Array:
-    """A strip or tile as numbers, horizontal differencing (2) or floating-point prediction (3) undone."""
+    """Return a strip or tile as numbers, after undoing horizontal differencing (2) or floating-point prediction (3)."""
     rows, columns = shape
     if number.kind == "b":
         return np.unpackbits(np.frombuffer(block, np.uint8).reshape(rows, -1), axis=1)[:, :columns]

@@ -32,7 +32,7 @@ _DOUBLE = (12, "d")
 @dataclass(frozen=True)
 class Place:
     """The place of a north-up image: the size of a pixel and the outer corner of the north-west pixel, in metres.
-    ``frame`` names the coordinate system in a sentence; ``heights`` is true if values are heights in metres. ``notes``
+    ``frame`` names the coordinate system in a sentence. ``heights`` is true if values are heights in metres. ``notes``
     are texts by name, which GDAL shows as metadata."""
 
     pixel_m: float
@@ -75,7 +75,7 @@ class MapPlace:
 
 
 def encode_tiff(pixels: Array, place: Place | MapPlace | None = None, description: str = "") -> bytes:
-    """The bytes of a TIFF file of pixels (H, W) or (H, W, bands), top row first: uint8, uint16 or float32.
+    """Encode pixels (H, W) or (H, W, bands), top row first, as a TIFF file: uint8, uint16 or float32.
 
     Values of float images may be NaN, which ``place`` marks as missing. Raises ValueError for another type or shape.
     """
@@ -112,7 +112,8 @@ def encode_tiff(pixels: Array, place: Place | MapPlace | None = None, descriptio
 
 
 def _make_place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
-    """Scale, tie point and GeoKeys of a user-defined map in metres, which readers take for a local frame."""
+    """Make the scale, the tie point and the GeoKeys of a user-defined map in metres, which readers take for a local
+    frame."""
     name = place.frame.encode("ascii", "replace") + b"|"
     keys = [
         (1024, 0, 1, 1),
@@ -134,8 +135,8 @@ def _make_place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, s
 
 
 def _make_metadata(notes: Mapping[str, str], unit: str = "") -> bytes:
-    """GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice, and the unit of
-    the first band's values."""
+    """Make GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice, and the unit
+    of the first band's values."""
     items = "".join(f"<Item name={quoteattr(name)}>{escape(escape(text))}</Item>" for name, text in notes.items())
     items += f'<Item name="UNITTYPE" sample="0" role="unittype">{escape(unit)}</Item>' if unit else ""
     return f"<GDALMetadata>{items}</GDALMetadata>".encode() + b"\0"

@@ -77,8 +77,9 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
 
 @functools.lru_cache(maxsize=64)
 def _find_plain_line(text: str, key: Key) -> int | None:
-    """The line of a key in a text that is too long for ``find_line`` to parse, for the usual spelling: headers and keys
-    begin lines, and no text has several lines. A key within a list gets the line of the list."""
+    """Find the line of a key in a text that is too long for ``find_line`` to parse. The text must have the usual
+    spelling: headers and keys begin lines, and no text has several lines. A key within a list gets the line of the
+    list."""
     header: Key = ()
     counts: dict[Key, int] = {}
     while len(key) > 2 and isinstance(key[-1], int):
@@ -102,7 +103,7 @@ def _split_key(name: str) -> tuple[str, ...]:
 
 
 def _find_table(parts: tuple[str, ...], counts: dict[Key, int], begins_another: bool) -> Key:
-    """Find the key of a header's table, with its index in each list; ``counts`` are the last indices, by list."""
+    """Find the key of a header's table, with its index in each list; ``counts`` has the last index of each list."""
     found: Key = ()
     for k, part in enumerate(parts):
         found = (*found, part)

@@ -50,8 +50,8 @@ _FIX = "give lines of t x y z qx qy qz qw (TUM), 3x4 matrices (KITTI), or a CSV 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The poses of a file in its own world axes; its kind, one of ``TRAJECTORY_KINDS``; whether it has stamps; and
-    sentences on changes."""
+    """The poses of a file in its own world axes. ``kind`` is one of ``TRAJECTORY_KINDS``. The other fields tell whether
+    the file has stamps, and which changes were made, as sentences."""
 
     poses: PoseSequence
     kind: str
@@ -89,20 +89,20 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
 
 
 def format_pose(pose: Array) -> str:
-    """The text ``x y z qx qy qz qw`` of a pose (4, 4), with all digits."""
+    """Write a pose (4, 4) as the text ``x y z qx qy qz qw``, with all digits."""
     w, x, y, z = quaternion(pose[:3, :3])
     return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
 
 
 def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
-    """A file in TUM's format: poses (4, 4) by stamps in seconds. Its first line is the comment ``about``."""
+    """Write poses (4, 4) by stamps in seconds as a file in TUM's format. Its first line is the comment ``about``."""
     lines = [f"{stamp:.9f} {format_pose(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
     return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
 def _list_data_lines(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is neither empty nor a comment (#). With ``names`` the first line is always
-    returned, because EuRoC's names begin with #."""
+    """List the number and the text of each line that is neither empty nor a comment (#). With ``names`` the first line
+    is always returned, because EuRoC's names begin with #."""
     for number, line in foreign.lines():
         text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
         if text and (names or not text.startswith("#")):
@@ -126,7 +126,7 @@ def _parse_times(foreign: ForeignBytes) -> tuple[Decimal, ...]:
 
 
 def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:
-    """A stamp in seconds, rounded to nanoseconds."""
+    """Parse a stamp in seconds, rounded to nanoseconds."""
     try:
         seconds = Decimal(text) * unit_s
         if seconds.is_finite() and abs(seconds) < _LARGEST_STAMP_S:
@@ -137,7 +137,7 @@ def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:
 
 
 class _Poses:
-    """Parser of the poses of a file."""
+    """Parses the poses of a file."""
 
     def __init__(self, kind: str, axes: Array) -> None:
         self._kind, self._axes = kind, axes
@@ -146,7 +146,7 @@ class _Poses:
         self._off, self._line_off, self._not_unit = 0.0, 0, 0
 
     def parse(self, first: tuple[int, str], rest: Iterator[tuple[int, str]]) -> Trajectory:
-        """The poses of the first line and of the rest."""
+        """Parse the poses of the first line and of the rest."""
         rows: list[tuple[int, str]] = []
         if self._kind == "CSV":
             self._read_names(first[1])
@@ -175,7 +175,7 @@ class _Poses:
         return (f"{what} normalised (line {self._line_off} is off by {self._off:.2g})",)
 
     def _read_names(self, text: str) -> None:
-        """Find the columns by the first line of a CSV file."""
+        """Find the columns from the first line of a CSV file."""
         names: dict[str, int] = {}
         for k, name in enumerate(map(_short_name, _cells(text))):
             if name in names and name in (*_STAMP_COLUMNS, *_POSE_COLUMNS):
@@ -192,7 +192,7 @@ class _Poses:
         self._unit_s = Decimal(_STAMP_COLUMNS[stamp])
 
     def _read_pose(self, line: int, text: str, count: int) -> tuple[Decimal, Array, Array]:
-        """Stamp, position and rotation of a line, the pose after ``count`` others."""
+        """Read the stamp, the position and the rotation of a line, which follows ``count`` other poses."""
         words = _cells(text) if self._kind == "CSV" else text.split()
         if self._kind == "KITTI":
             matrix = np.array(_numbers(words, 12, line)).reshape(3, 4)
@@ -216,7 +216,7 @@ class _Poses:
         return from_quaternion(quaternion(nearest_rotation(matrix)))
 
     def _note(self, off: float, line: int, what: str) -> None:
-        """Remember a deviation above rounding. Raises ValueError if it is too large."""
+        """Remember a deviation larger than rounding. Raises ValueError if it is too large."""
         if not off <= _LARGEST_DEVIATION:
             raise ValueError(f"line {line} has {what}")
         if off > _MAX_ROUNDING:
@@ -242,7 +242,7 @@ def _cells(text: str) -> list[str]:
 
 
 def _short_name(name: str) -> str:
-    """A column's name in lower case. The unit of EuRoC's names is removed, except for stamps."""
+    """Return a column's name in lower case. The unit of EuRoC's names is removed, except for stamps."""
     name = name.lstrip("#").strip().lower()
     if name in _STAMP_COLUMNS:
         return name

@@ -47,7 +47,7 @@ FACTS_SHAPE = {
 
 
 def count_packet_bytes(samples: int) -> int:
-    """Number of bytes of a packet with this number of samples."""
+    """Return the number of bytes of a packet with this number of samples."""
     return samples * BITS // 8
 
 
@@ -76,7 +76,8 @@ class PacketWriter:
         self._gains = max(self._gains, int(gain.max()) + 1 if len(gain) else 0)
 
     def finish(self) -> dict[str, Any]:
-        """Let the file appear, and return facts on it, see ``FACTS_SHAPE``. Raises IcyMoonError if the disk refuses."""
+        """Write the file under its final name, and return facts on it, see ``FACTS_SHAPE``. Raises IcyMoonError if the
+        disk refuses."""
         with explain_disk_errors("write", self._path):
             self._stream.seek(0)
             self._stream.write(self._make_header())
@@ -104,7 +105,7 @@ class PacketWriter:
 
 
 def check_packets(folder: Path, facts: Mapping[str, Any]) -> None:
-    """Raise IcyMoonError if the packets that a scan states are missing, or their file has another length."""
+    """Raise IcyMoonError if a scan's stated packets are missing, or their file has another length."""
     path = folder / FILE_NAME
     needed = HEADER_BYTES + facts["packets"] * count_packet_bytes(facts["samples"])
     found = path.stat().st_size if path.is_file() else None

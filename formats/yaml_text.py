@@ -36,7 +36,7 @@ _CUT_OFF = "a bracket is not closed; the file is cut off"
 
 
 def parse_yaml(text: str) -> dict[str, Any]:
-    """The mapping of a text: keys are texts, values are int, float, str, None, lists and mappings.
+    """Parse a text into its mapping: keys are texts, values are int, float, str, None, lists and mappings.
 
     Raises ValueError with the line for anything else, and for a key that is stated twice.
     """
@@ -47,7 +47,7 @@ def parse_yaml(text: str) -> dict[str, Any]:
 
 
 def parse_flow(text: str) -> Any:
-    """The value of a text in brackets, as JSON, YAML and Python write them. Raises ValueError for another text."""
+    """Parse a text in brackets, as JSON, YAML and Python write it. Raises ValueError for another text."""
     flow = _Flow(text)
     found = flow.value(0)
     if flow.skip() != len(text):
@@ -56,7 +56,8 @@ def parse_flow(text: str) -> Any:
 
 
 def write_number(value: float) -> str:
-    """A number with all of its digits. YAML 1.1, which PyYAML reads, parses 2e-05 as a text and 2.0e-05 as a number."""
+    """Write a number with all of its digits. YAML 1.1, which PyYAML reads, parses 2e-05 as a text and 2.0e-05 as a
+    number."""
     mantissa, exponent_sign, exponent = repr(float(value)).partition("e")
     return mantissa + (".0" if exponent_sign and "." not in mantissa else "") + exponent_sign + exponent
 
@@ -98,7 +99,7 @@ class _Flow:
         return there
 
     def value(self, depth: int) -> Any:
-        """The next value."""
+        """Parse the next value."""
         if depth > _DEEPEST_NESTING:
             raise ValueError("it is nested too deeply")
         if self._take("["):
@@ -138,7 +139,7 @@ class _Flow:
 
 
 class _Block:
-    """The lines of a text: number, indentation and content of each that has any."""
+    """The lines of a text: number, indentation and content of each line that is not blank."""
 
     def __init__(self, text: str) -> None:
         self.lines: list[tuple[int, int, str]] = []
@@ -152,7 +153,7 @@ class _Block:
         self.at = 0
 
     def parse(self) -> Any:
-        """The value of the whole text."""
+        """Parse the value of the whole text."""
         if not self.lines:
             raise ValueError("it is empty")
         if self.lines[0][2].startswith(("{", "[")):
@@ -217,7 +218,7 @@ class _Block:
             raise ValueError(f"line {number}: {error}") from None
 
     def _brackets(self, number: int, text: str) -> str:
-        """A value in brackets, joined from all its lines."""
+        """Parse a value in brackets, joined from all its lines."""
         parts, is_open = [text], _opened(text)
         while is_open > 0:
             if self.at == len(self.lines):
@@ -233,13 +234,14 @@ def _is_item(content: str) -> bool:
 
 
 def _opened(text: str) -> int:
-    """Number of brackets that a text opens minus the number that it closes."""
+    """Return how many more brackets a text opens than it closes."""
     plain = _mask_quotes(text)
     return plain.count("[") + plain.count("{") - plain.count("]") - plain.count("}")
 
 
 def _strip_comment(line: str) -> str:
-    """A line without the comment at its end. A comment is a # at the beginning or after a blank, outside quotes."""
+    """Remove the comment at the end of a line. A comment begins with a # at the beginning or after a blank, outside
+    quotes."""
     if "#" not in line:
         return line
     masked = _mask_quotes(line)

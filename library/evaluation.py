@@ -42,7 +42,7 @@ class Evaluation:
 
     @property
     def report(self) -> Path:
-        """The HTML page with all results."""
+        """Path of the HTML page with all results."""
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
@@ -126,7 +126,8 @@ def evaluate(
 def _sort_matchers(
     matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
 ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
-    """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
+    """Sort the matchers into three groups: ours under their own names as a list, ours under names of the user as a
+    dictionary, and functions by their names. Raises IcyMoonError for a function without a usable or unique name."""
     from ..settings.topics.trust_boundary import OWN_NAME
 
     if isinstance(matchers, str):
@@ -140,7 +141,7 @@ def _sort_matchers(
     if bad := [name for name in functions if not OWN_NAME.fullmatch(name)]:
         raise IcyMoonError(
             f"A function is called {bad[0][:60]!r}; give it a name of at most 40 letters, digits, - and "
-            "_ in a dictionary, since a column and a folder are named so."
+            "_ in a dictionary, because a column and a folder get this name."
         )
     for name, count in Counter(name for name, _ in named).items():
         if count > 1 and name.replace("<lambda>", "lambda") in functions:
@@ -158,7 +159,8 @@ def _sort_matchers(
 def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
     """Run a function on all pairs, and return the folder with a disparity map for each.
 
-    Raises IcyMoonError if the function returns no disparity map."""
+    Raises IcyMoonError if the function returns no disparity map.
+    """
     from ..stereo.images.image_files import write_npy
     from ..stereo.matchers.search_range import MAX_SEARCHED_PX, find_rig_range
     from ..stereo.measure.prepare_pair import list_distinct_pairs, prepare_pair
@@ -185,7 +187,8 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
 
 
 def _average_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
-    """Mean metrics by method, of pairs that passed their self-check; None where no pair has a number."""
+    """Average the metrics of each method over the pairs that passed their self-check; None where no pair has a
+    number."""
     from ..stereo.measure.confidence_metrics import list_confidence_numbers
     from ..stereo.measure.row_metrics import NUMBERS
 

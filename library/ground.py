@@ -30,8 +30,8 @@ def export_ground(
     ``kind`` is ``dem`` (GeoTIFF in cells of ``cell_m``: height of the ground, height of ground and rocks, both in
     metres, and albedo), ``ply``, ``obj``, ``usd`` or ``gltf`` (meshes). All are in metres in the site's frame: x east,
     y north, z up; glTF has y up. ``geometry.json`` beside them contains frame, units, and the parts of the render that
-    the files lack. ``blender`` builds the ground, by default this one. Raises IcyMoonError for another format, for
-    cells that are too small, and for pairs that were edited by hand.
+    the files lack. ``blender`` builds the ground, by default this one. Raises IcyMoonError for an unsupported format,
+    for cells that are too small, and for pairs that were edited by hand.
     """
     if kind not in ground.FORMATS:
         raise IcyMoonError(f"There is no format {kind!r} of ground, {suggest_nearest(kind, ground.FORMATS)}")

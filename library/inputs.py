@@ -27,15 +27,14 @@ from ..support.number_text import format_count
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[Array, Array], ArrayLike] | ArrayLike
-#: Most that a mean albedo may be, as ``surface.albedo``.
+#: Largest mean albedo, as in ``surface.albedo``.
 _LARGEST_MEAN_ALBEDO = 1.0
 
 
 @dataclass(frozen=True)
 class Input:
-    """The ``content`` of a file that the setting ``setting`` names, and a ``text`` that describes it in the ``repr`` of
-    a scene.
-    """
+    """A file of a program's own data: its ``content``, the ``setting`` that names the file, and a ``text`` that
+    describes it in the ``repr`` of a scene."""
 
     setting: str
     content: bytes
@@ -60,7 +59,8 @@ class Input:
 
 
 def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
-    """The values (rows, columns) or (rows, columns, 3), float64, of an array, or of a function at ``x_m``, ``y_m``.
+    """Return the values (rows, columns) or (rows, columns, 3), float64, of an array, or of a function at ``x_m``,
+    ``y_m``.
 
     Raises IcyMoonError if a function fails on arrays or gives another shape, and for values that are not finite.
     """
@@ -100,7 +100,7 @@ def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
 def make_heights_input(
     field: Field, size_m: float, resolution: int, pixel_m: float | None
 ) -> tuple[Input, dict[str, dict[str, Any]]]:
-    """Heights in metres as a file, and the settings that go with it.
+    """Make the file of heights in metres, and the settings that go with it.
 
     A function is sampled at the vertices of the ground: ``resolution`` along each side of the patch of ``size_m``. The
     outermost values of an array are on the edges of the patch; with ``pixel_m`` between neighbours, the patch is as
@@ -130,7 +130,8 @@ def make_heights_input(
 
 
 def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[str, Any]]]:
-    """Rocks (n, 3): places east and north and diameters in metres, as a table, and the settings that go with it.
+    """Make the table of rocks (n, 3), and the settings that go with it. A row has the position east and north and the
+    diameter, in metres.
 
     Raises IcyMoonError for another shape, numbers that are not finite, and diameters that are not above 0.
     """
@@ -152,7 +153,7 @@ def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, 
 
 
 def make_mask_input(of: str, field: Field, size_m: float, resolution: int) -> Input:
-    """Shares from 0 to 1 of rocks, dirt or frost over the patch as an image.
+    """Make the image of shares from 0 to 1 of rocks, dirt or frost over the patch.
 
     A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills
     it. Raises IcyMoonError as ``sample_field`` does, for another name, and for values outside 0 to 1.
@@ -172,7 +173,7 @@ def make_mask_input(of: str, field: Field, size_m: float, resolution: int) -> In
 
 
 def make_albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:
-    """Albedos over the patch as an image, and the settings that go with it.
+    """Make the image of albedos over the patch, and the settings that go with it.
 
     A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills
     it. Raises IcyMoonError as ``sample_field`` does, and for albedos outside 0 to 1.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..stereo.landed_day.day import LandedDay
 
 
-#: Largest number of a ground: all grounds before it are drawn too.
+#: Largest number of a ground. It is limited because all grounds before it are drawn too.
 _MAX_NUMBER = 99_999
 
 
@@ -29,13 +29,13 @@ def open_landed_day(
     """Open a day on the ground of this number. Its steps are ``step("look")``, ``step("choose")``, ``step("dig")``, ….
 
     Equal arguments and steps give equal observations, to the bit. ``method`` is the lander's matcher, as in
-    ``evaluate``. ``ground`` is a preset or a TOML file whose terrain and rocks the grounds have, by default several
-    gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor, workspace, scoop
-    and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` the energy in Wh that the day
-    may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values out of range, and
-    for ground that rays cannot make.
+    ``evaluate``. ``ground`` is a preset or a TOML file from which the grounds take their terrain and rocks; by default
+    they are several gentle terrains. ``lander`` are changes by topic, or a preset or TOML file, of its camera, sensor,
+    workspace, scoop and place on the moon. ``rules`` is a file of rules for sites, and ``most_energy_wh`` the energy in
+    Wh that the day may spend. Close the day, or use it by ``with``. Raises IcyMoonError for unknown names and values
+    out of range, and for ground that rays cannot make.
     """
-    # Matchers and rays are imported here, as ``import icymoon`` is light.
+    # Matchers and rays are imported here, so that ``import icymoon`` stays fast.
     from ..settings.description import check
     from ..settings.preset_files import load_named
     from ..stereo.decisions.rules import read_rules

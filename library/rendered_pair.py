@@ -25,7 +25,7 @@ from ..support.errors import IcyMoonError
 
 
 class RenderedEye:
-    """What one camera of a pair sees, on the pixels of the parallel rig: ``H`` rows from the top, ``W`` columns.
+    """One camera's view in a pair, on the pixels of the parallel rig: ``H`` rows from the top, ``W`` columns.
 
     Everything is read from the disk at its first use and then stays in memory.
     """
@@ -97,13 +97,14 @@ class RenderedEye:
 
     @property
     def row_poses_to_world(self) -> Array:
-        """``pose_to_world`` at the time of each row, (H, 4, 4): they differ with a rolling shutter only."""
+        """The poses (H, 4, 4) as in ``pose_to_world``, each at the time of its row; they differ with a rolling shutter
+        only."""
         pose, rows = self.pose_to_world, self._pair.row_poses(self.name)
         return np.array(np.broadcast_to(pose if rows is None else rows, (self._pair.camera.height_px, 4, 4)))
 
 
 class RenderedPair:
-    """A complete pair on the disk. Arrays are read when they are first asked for."""
+    """A complete pair on the disk. Each array is read at its first use."""
 
     def __init__(self, pair: Pair) -> None:
         self._pair = pair
@@ -136,7 +137,7 @@ class RenderedPair:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """The whole of ``pair.json``: versions, seeds, light, times, checksums."""
+        """The complete content of ``pair.json``: versions, seeds, light, times, checksums."""
         return self._pair.data
 
     @property
@@ -194,7 +195,7 @@ class RenderedPair:
 
 
 def read_response(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
-    """The settings of presets and changes. Raises IcyMoonError for a setting that needs a new render."""
+    """Read the settings of presets and changes. Raises IcyMoonError for a setting that needs a new render."""
     found = read_settings(presets, changes)
     for topic, values in found.items():
         for key in values:
@@ -204,7 +205,7 @@ def read_response(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
 
 
 def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
-    """The partial settings of presets (names, or paths of TOML files) and then of changes.
+    """Read the partial settings of presets (names, or paths of TOML files), with changes over them.
 
     Raises IcyMoonError for an unknown name, with the nearest one, and for values of a wrong type or out of range.
     """

@@ -33,7 +33,7 @@ class Renderer(Protocol):
         """Render the pairs of the settings and return their folders. Raises IcyMoonError if one fails."""
 
     def close(self) -> None:
-        """Free its memory and its processes."""
+        """Free the renderer's memory and processes."""
 
 
 def ignore_message(message: Message) -> None:
@@ -41,7 +41,7 @@ def ignore_message(message: Message) -> None:
 
 
 def issue_warnings(hear: MessageReceiver) -> MessageReceiver:
-    """A receiver that passes messages on to ``hear`` and issues their warnings as Python warnings."""
+    """Make a receiver that passes messages on to ``hear`` and issues their warnings as Python warnings."""
 
     def hear_all(message: Message) -> None:
         if message["type"] == "warning":
@@ -181,5 +181,5 @@ class InProcess:
 
 @cache
 def default_renderer() -> Worker:
-    """The worker that all scenes share if no renderer is given."""
+    """Return the worker that all scenes share if no renderer is given."""
     return Worker()

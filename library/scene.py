@@ -19,7 +19,7 @@ from .inputs import Field, Input, make_albedo_input, make_heights_input, make_ma
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import MessageReceiver, Renderer, default_renderer, ignore_message, issue_warnings
 
-#: Most settings that a scene shows of itself.
+#: Largest number of settings that the text of a scene shows.
 _MAX_SHOWN_SETTINGS = 8
 
 
@@ -72,7 +72,7 @@ class Scene:
         return to_toml(self._settings)
 
     def change(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Scene:
-        """This scene with presets and changes over it. Raises IcyMoonError as ``Scene`` does."""
+        """Return a copy of this scene with presets and changes over it. Raises IcyMoonError as ``Scene`` does."""
         stated = read_settings(presets, changes)
         names = [
             *map(str, presets),
@@ -89,9 +89,9 @@ class Scene:
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
         """Return a copy of this scene with your own ground.
 
-        ``heights`` is a function f(x_m, y_m) -> z_m of arrays of east and north coordinates, sampled at the
-        ``terrain.resolution`` x ``terrain.resolution`` vertices of the patch of ``terrain.size_m``, or an array (rows,
-        columns) of metres, north first, whose outermost values are on the edges of the patch. With
+        ``heights`` is a function or an array. A function f(x_m, y_m) -> z_m takes arrays of east and north coordinates,
+        and is sampled at the vertices of the patch of ``terrain.size_m``, ``terrain.resolution`` along each side. An
+        array (rows, columns) is in metres, north first, and its outermost values are on the edges of the patch. With
         ``metres_per_pixel`` the patch is as large as the array. Between the values, the ground is bilinear. With
         ``detail``, the roughness of the ``terrain`` settings is added below the spacing. Raises IcyMoonError for an
         array of another shape and for heights that are not finite.
@@ -126,9 +126,9 @@ class Scene:
         ``frost``.
 
         ``mask`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` points of the patch, or
-        an array (rows, columns), north first: 0 is nowhere, 1 as much as without the mask. It is a rock's probability
-        to remain, at its old position. Beyond the patch the outermost values are repeated. Raises IcyMoonError for
-        values outside 0 to 1.
+        an array (rows, columns), north first. At 0 there is nothing, at 1 as much as without the mask. For rocks, it is
+        the probability that a rock remains, at its old position. Beyond the patch the outermost values are repeated.
+        Raises IcyMoonError for values outside 0 to 1.
         """
         given = make_mask_input(of, mask, self._settings.terrain.size_m, resolution)
         return self._make_changed(description.check({}, "mask"), {given.setting: given})

@@ -91,7 +91,7 @@ class Sweep:
 
 
 def _list_choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[tuple[Any, Any]]:
-    """(label, value) of each varied value."""
+    """List (label, value) for each varied value."""
     if name in _ARRAY_METHODS:
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"The {name} of a sweep need names, such as {{{name!r}: {{'mine': f}}}}.")

@@ -31,12 +31,12 @@ def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | Non
 
 
 def check_call(what: str, act: Callable[..., Any], /, *arguments: object, **changes: object) -> Check:
-    """A check that a call succeeds, with any result."""
+    """Check that a call succeeds, with any result."""
     return check_making(what, partial(act, *arguments, **changes))[0]
 
 
 def check_fault(what: str, act: Callable[[], str | None]) -> Check:
-    """A check whose fault is the text that ``act`` returns, or the sentence that it raises."""
+    """Make a check whose fault is the text that ``act`` returns, or the sentence of the error that it raises."""
     check, fault = check_making(what, act)
     return Check(what, check.fault or fault or "")
 

@@ -55,7 +55,7 @@ class Plugin:
 
     @property
     def title(self) -> str:
-        """The name of the plug-in in sentences."""
+        """Name of the plug-in in sentences."""
         return f"The {self.kind} {self.name} of the package {self.package} {self.version}"
 
     @property
@@ -66,7 +66,7 @@ class Plugin:
 
 @dataclass(frozen=True)
 class Found:
-    """The usable plug-ins of a kind by name, Icy Moon's first, and a sentence on each refused plug-in, by name."""
+    """The usable plug-ins of a kind by name, Icy Moon's first. Each refused plug-in has a sentence, by its name."""
 
     usable: Mapping[str, Plugin]
     refused: Mapping[str, str]
@@ -78,8 +78,8 @@ class Found:
 
 
 def find_installed(kind: str, taken: Collection[str] = ()) -> Found:
-    """The plug-ins of a kind. Two installed plug-ins of the same name are refused, and so is a plug-in with a name in
-    ``taken`` or of a plug-in of Icy Moon."""
+    """Find the plug-ins of a kind. Installed plug-ins are refused if they have the same name as another, as a plug-in
+    of Icy Moon, or as an entry of ``taken``."""
     ours = {plugin.name: plugin for plugin in _list_built_in() if plugin.kind == kind}
     by_name: dict[str, list[Plugin]] = {}
     plugins, damaged = _scan_packages(tuple(sys.path))
@@ -109,7 +109,7 @@ def find_installed(kind: str, taken: Collection[str] = ()) -> Found:
 
 @cache
 def _list_built_in() -> tuple[Plugin, ...]:
-    """The plug-ins of Icy Moon, in the order of their declaration."""
+    """List the plug-ins of Icy Moon, in the order of their declaration."""
     root, kinds = __package__.rpartition(".")[0], {group: kind for kind, group in GROUPS.items()}
     return tuple(
         Plugin(
@@ -126,8 +126,8 @@ def _list_built_in() -> tuple[Plugin, ...]:
 
 @lru_cache(maxsize=8)
 def _scan_packages(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str]]]:
-    """All plug-ins of the packages on a search path, each package once; and by name, a sentence on each entry point of
-    an unreadable package."""
+    """List all plug-ins of the packages on a search path, each package once. Also return, by name, a sentence on each
+    entry point of an unreadable package."""
     kinds = {group: kind for kind, group in GROUPS.items()}
     folders = [folder for folder in path if folder and os.path.realpath(folder) != _STARTED_IN]
     seen: set[str] = set()
@@ -175,7 +175,7 @@ def load_plugin(plugin: Plugin) -> Any:
 
 
 def find_function(plugin: Plugin, loaded: object, name: str, arguments: str) -> Callable[..., Any]:
-    """A function that a plug-in must have. Raises IcyMoonError if it has none."""
+    """Return a function that a plug-in must have. Raises IcyMoonError if it has none."""
     found = getattr(loaded, name, None)
     if not callable(found):
         raise IcyMoonError(f"{plugin.title} has no function {name}; write {name}({arguments}) into it.")
@@ -184,8 +184,8 @@ def find_function(plugin: Plugin, loaded: object, name: str, arguments: str) -> 
 
 
 def read_fact(plugin: Plugin, name: str) -> Any:
-    """A literal that the module of a plug-in assigns to ``name``; None if the module assigns no literal or cannot be
-    read."""
+    """Read the literal that the module of a plug-in assigns to ``name``; None if the module assigns no literal or
+    cannot be read."""
     with suppress(Exception):  # a damaged package: its import explains it
         return _read_literal(_find_source(plugin), name)
     return None
@@ -193,7 +193,7 @@ def read_fact(plugin: Plugin, name: str) -> Any:
 
 @lru_cache(maxsize=256)
 def _read_literal(source: Path, name: str) -> object:
-    """The last literal that a file assigns to ``name`` at its top level; None without a literal."""
+    """Read the last literal that a file assigns to ``name`` at its top level; None without a literal."""
     text, found = source.read_text(encoding="utf-8"), None
     if f"\n{name} = " in text:  # as parsing takes a hundred times as long
         for line in ast.parse(text).body:
@@ -204,7 +204,7 @@ def _read_literal(source: Path, name: str) -> object:
 
 @lru_cache(maxsize=64)
 def _find_source(plugin: Plugin) -> Path:
-    """The file of the module that an entry point names. Its packages are not imported."""
+    """Find the file of the module that an entry point names. Its packages are not imported."""
     first, *rest = plugin.entry.module.split(".")
     if plugin.built_in:
         return ROOT.joinpath(*plugin.entry.module.split(".")[len(__package__.split(".")) - 1 :]).with_suffix(".py")
@@ -216,7 +216,7 @@ def _find_source(plugin: Plugin) -> Path:
 
 
 def read_summary(loaded: object) -> str:
-    """The first line of a plug-in's own description."""
+    """Read the first line of a plug-in's own description."""
     stated = getattr(loaded, "__doc__", "")
     return show_controls(next(iter(stated.strip().splitlines()), "")) if isinstance(stated, str) else ""
 
@@ -246,7 +246,7 @@ def _error_text(error: BaseException) -> str:
 
 
 def _find_failing_line(plugin: Plugin, error: BaseException) -> str:
-    """The last file and line of the plug-in that an error passed through."""
+    """Find the last file and line of the plug-in through which an error passed."""
     top = plugin.entry.module.partition(".")[0]
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         path = Path(frame.filename)
@@ -270,7 +270,7 @@ def _import_without_current_folder() -> Iterator[None]:
 
 
 def find_source_files(loaded: object) -> list[str]:
-    """The Python files of a plug-in: results depend on them, even with an unchanged version."""
+    """Find the Python files of a plug-in. Results depend on them, even with an unchanged version."""
     module = sys.modules.get(getattr(loaded, "__name__", ""), None) or sys.modules.get(
         getattr(loaded, "__module__", ""), None
     )

@@ -41,7 +41,7 @@ class Number:
 
     @property
     def unit(self) -> str:
-        """The unit that the name states."""
+        """Unit that the name states."""
         return next((unit for end, unit in UNITS.items() if self.key.endswith(end)), "1")
 
 
@@ -58,12 +58,12 @@ class PluginLandform:
 
     @property
     def topic(self) -> str:
-        """The name of its table of settings."""
+        """Name of the landform's table of settings."""
         return f"{PREFIX}{self.plugin.name}"
 
     def heights(self, x_m: Array, y_m: Array, settings: Mapping[str, Any]) -> Array:
-        """Heights in metres, float64, of points in metres that broadcast. Raises IcyMoonError if the plug-in fails or
-        returns something else."""
+        """Compute heights in metres, float64, at points in metres that broadcast. Raises IcyMoonError if the plug-in
+        fails or returns something else."""
         x, y = (np.array(values, np.float64) for values in np.broadcast_arrays(x_m, y_m))
         with explain_failures(self.plugin, fix="correct it, or set its first setting to 0"):
             found = self.height(x, y, settings)
@@ -91,7 +91,7 @@ class PluginLandform:
         return length
 
     def make_plugin_settings(self, settings: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
-        """The settings that the plug-in receives, with the ``seed`` for its random numbers."""
+        """Make the settings that the plug-in receives, with the ``seed`` for its random numbers."""
         return MappingProxyType({**{number.key: settings[number.key] for number in self.settings}, "seed": seed})
 
 
@@ -114,7 +114,7 @@ def hash_name(name: str) -> int:
 
 @cache
 def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
-    """The usable landforms by the name of their table, and a sentence for each landform that cannot be used."""
+    """Load the usable landforms by the name of their table, and a sentence for each landform that cannot be used."""
     found = find_installed("landform")
     usable: dict[str, PluginLandform] = {}
     faults = {f"{PREFIX}{name}": sentence for name, sentence in found.refused.items()}
@@ -127,7 +127,7 @@ def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
 
 
 def read_landform(plugin: Plugin) -> PluginLandform:
-    """The declaration of a plug-in. Raises IcyMoonError if it cannot be loaded or is incomplete."""
+    """Read the declaration of a plug-in. Raises IcyMoonError if it cannot be loaded or is incomplete."""
     loaded = load_plugin(plugin)
     height = find_function(plugin, loaded, "height", "x, y, settings")
     stated = getattr(loaded, "SETTINGS", None)

@@ -14,7 +14,7 @@ from typing import Any
 
 #: The effect of a change of the colours by which errors are shown; no setting has it.
 COLOURS = "colours"
-#: The effect of a change of how the points of a LiDAR are shown; no setting has it.
+#: The effect of a change in the display of a LiDAR's points; no setting has it.
 LIDAR_POINTS = "lidar points"
 #: A function that is called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
@@ -30,7 +30,7 @@ _state = _State()
 
 
 def count_changes() -> int:
-    """The number of changes so far, including those that ``batch_changes`` holds back."""
+    """Return the number of changes so far, including those that ``batch_changes`` holds back."""
     return _state.count
 
 
@@ -46,7 +46,7 @@ def announce(scene: object, effect: str) -> None:
 
 @contextmanager
 def batch_changes() -> Iterator[None]:
-    """Within this context, hold changes back and announce them together at its end."""
+    """Hold changes back in this context, and announce them together at its end."""
     if _state.held is not None:
         yield
         return
@@ -61,7 +61,7 @@ def batch_changes() -> Iterator[None]:
 
 
 def make_update_callback(effect: str) -> Callable[[Any, Any], None]:
-    """The ``update`` function of a Blender property of a scene, which announces its changes."""
+    """Make the ``update`` function of a Blender property of a scene; it announces the property's changes."""
 
     def update(group: Any, context: object) -> None:
         announce(group.id_data, effect)

@@ -49,12 +49,12 @@ _TYPES_BY_KIND: dict[str, tuple[str, tuple[type, ...]]] = {
 
 
 def defaults() -> Settings:
-    """The complete description of a new scene."""
+    """Return the complete description of a new scene."""
     return typed({topic.key: {s.key: to_canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
 
 
 def _to_double(value: float) -> float:
-    """A number of any size as double; infinite if it is too large."""
+    """Convert a number of any size to double precision; infinite if it is too large."""
     try:
         return float(value)
     except OverflowError:
@@ -70,7 +70,8 @@ def _to_single(value: float | str) -> float:
 
 @lru_cache(maxsize=4096)
 def _to_single_cached(number: float) -> float:
-    """``_to_single`` of a number other than 0, cached, because the window reads all settings at every redraw."""
+    """Do ``_to_single`` for a number other than 0. The results are cached, because the window reads all settings at
+    every redraw."""
     # numpy would warn of infinity, and np.errstate takes longer than everything else here.
     return math.copysign(math.inf, number) if abs(number) >= _ROUNDS_TO_INFINITY else float(str(np.float32(number)))
 
@@ -82,7 +83,8 @@ def to_canonical(setting: Setting, value: Value) -> Value:
 
 
 def _check_list(setting: Setting, value: object, name: str, where: str, stored: bool) -> Value:
-    """A checked list of tables, each completed with defaults, or with ``Setting.old_value`` if it was ``stored``."""
+    """Check a list of tables, and complete each with the defaults, or with ``Setting.old_value`` if it was
+    ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {quote(value)}.")
     known = {s.key: s for s in setting.entries}
@@ -125,7 +127,8 @@ def _check_value(setting: Setting, value: Any, name: str, where: str, stored: bo
 
 
 def _check_range(setting: Setting, value: float, name: str, where: str, stored: bool) -> None:
-    """Raise IcyMoonError for a value out of range. A ``stored`` value must only be finite: ranges may have changed."""
+    """Raise IcyMoonError for a value out of range. A ``stored`` value must only be finite, because ranges may have
+    changed since."""
     low, high, number = setting.minimum, setting.maximum, _to_double(value)
     # A limit that is rounded to single precision, as Blender stores it, is still within the range.
     inside = low <= number <= high or low <= _to_single(number) <= high
@@ -158,7 +161,7 @@ def _join_tables(parts: Iterable[Tables]) -> Tables:
 
 
 def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables:
-    """The settings of one table of a description, by their present topics, see ``check``."""
+    """Check the settings in one table of a description, and return them by their present topics; see ``check``."""
     if topic.startswith(PREFIX) and topic not in TOPICS:
         if not isinstance(values, Mapping) or not stored:
             raise IcyMoonError(f"{where}: {describe_missing_landform(topic, '')}")
@@ -182,7 +185,7 @@ def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables
 
 
 def _was_renamed_topic(topic: str) -> bool:
-    """Whether settings that were renamed were of this topic."""
+    """Return whether any renamed setting belonged to this topic."""
     return any(name.startswith(f"{topic}.") for name in pair_ids.RENAMED_SETTINGS)
 
 
@@ -197,7 +200,7 @@ def suggest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
 
 
 def _find_setting(name: str, where: str) -> Setting:
-    """The setting with a name. Raises IcyMoonError if no setting has it."""
+    """Find the setting with a name. Raises IcyMoonError if no setting has it."""
     topic, _, key = name.partition(".")
     try:
         return TOPICS[topic][key]
@@ -209,18 +212,17 @@ def _find_setting(name: str, where: str) -> Setting:
 
 
 def restore_settings(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
-    """The complete settings that some version has stored, such as in ``pair.json``; see ``check``.
+    """Restore the complete settings that some version has stored, such as in ``pair.json``; see ``check``.
 
-    Newer settings get the values with the effect of that version. ``written_by`` is the version. Raises IcyMoonError as
-    ``check`` does; for a later version the error asks the user to update.
+    Newer settings get the values that have the effect of the version ``written_by``. Raises IcyMoonError as ``check``
+    does; for a later version the error asks the user to update.
     """
     return Restorer()(data, where, written_by)
 
 
 class Restorer:
-    """``restore_settings`` for many descriptions. Equal tables are checked once and shared by all results, so do not
-    change them.
-    """
+    """Does ``restore_settings`` for many descriptions. Equal tables are checked once and shared by all results, so do
+    not change them."""
 
     def __init__(self) -> None:
         self._before = _make_older_defaults()
@@ -228,7 +230,7 @@ class Restorer:
         self._whole: dict[tuple[str, str], Settings] = {}
 
     def __call__(self, data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
-        """The complete settings, see ``restore_settings``."""
+        """Restore the complete settings, see ``restore_settings``."""
         with ask_to_update(where, written_by):
             stated = _join_tables(self._check_once(topic, values, where) for topic, values in data.items())
         whole = Settings(self._before)
@@ -240,14 +242,15 @@ class Restorer:
         return _make_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
-        """Return a topic's table, completed with the settings that it lacks from ``_make_older_defaults``."""
+        """Return a topic's table with its missing settings filled in from ``_make_older_defaults``. Equal tables get
+        the same cached result."""
         return _make_once(
             self._whole, topic, values, lambda: merged({topic: self._before.get(topic, {})}, {topic: values})
         )
 
 
 def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, make: Callable[[], Made]) -> Made:
-    """The result of ``make`` for a table; equal tables get the same cached result."""
+    """Return the result of ``make`` for a table; equal tables get the same cached result."""
     content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
         if len(known) >= _MAX_CACHED_TABLES:
@@ -257,7 +260,7 @@ def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, m
 
 
 def _make_older_defaults() -> Settings:
-    """The complete description in which every newer setting has the effect of versions without it."""
+    """Make the complete description in which every newer setting has the effect of versions without it."""
     return typed(
         {topic.key: {s.key: to_canonical(s, s.old_value) for s in topic.settings} for topic in TOPICS.values()}
     )
@@ -294,7 +297,7 @@ def overlay(base: Settings, part: Parts) -> Settings:
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:
-    """The settings that ``base`` lacks or has with another value."""
+    """Return the settings that ``base`` lacks or has with another value."""
     found = Settings()
     for topic, values in settings.items():
         for key, value in values.items():
@@ -304,7 +307,7 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
 
 
 def override(text: str, where: str = "") -> Settings:
-    """The partial description of ``topic.key=value``. The value is text for a text or choice, otherwise TOML.
+    """Parse ``topic.key=value`` as a partial description. The value is text for a text or choice, otherwise TOML.
 
     Raises IcyMoonError as ``check`` does; the sentence begins with ``where``, by default --set with the text.
     """

@@ -31,7 +31,7 @@ _INSIDE = 0.5
 
 
 class Entry(NamedTuple):
-    """A thing that is sought: the names that mean only it, and its search words, the nearest first."""
+    """A searchable entry: the names that mean only it, and its search words, the nearest first."""
 
     names: tuple[str, ...]
     words: tuple[frozenset[str], ...]
@@ -45,34 +45,35 @@ class Match(NamedTuple):
 
 
 def split_words(text: str) -> list[str]:
-    """The words of a text in small letters, separated by "_" and punctuation."""
+    """Split a text into its words in small letters, separated by "_" and punctuation."""
     return _WORD.findall(text.lower())
 
 
 def make_entry(names: Sequence[str], *texts: str) -> Entry:
-    """An entry with the words of some texts, the nearest first."""
+    """Make an entry with the words of some texts, the nearest first."""
     return Entry(tuple(names), tuple(frozenset(split_words(text)) for text in texts))
 
 
 class WordIndex:
-    """Entries that are found by typed words."""
+    """Finds entries by typed words."""
 
     def __init__(self, entries: Sequence[Entry]) -> None:
-        """``entries`` keep their order where they match equally well."""
+        """Index ``entries``, which keep their order where they match equally well."""
         self._entries = tuple(entries)
         self._words = frozenset(word for entry in self._entries for words in entry.words for word in words)
         self._find_words = lru_cache(maxsize=256)(self._match_words)
         self.rank = lru_cache(maxsize=64)(self._rank)
 
     def _match_words(self, typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
-        """The words of entries that match a typed word, with a distance: the word itself, words that begin with it, and
-        for four letters or more words that contain it. 'own' is in 'known' by chance."""
+        """Find the words of entries that match a typed word, with a distance: the word itself, words that begin with
+        it, and words that contain it. The latter count only for four typed letters or more, because 'own' is in 'known'
+        by chance."""
         beginning = frozenset(word for word in self._words if word.startswith(typed))
         inside = frozenset(word for word in self._words if typed in word) if len(typed) > 3 else frozenset()
         return (0.0, frozenset({typed})), (_INSIDE / 2, beginning), (_INSIDE, inside)
 
     def _measure(self, entry: Entry, typed: str) -> float | None:
-        """Distance of a match from the nearest words, 0 for a whole word of these; None without a match."""
+        """Measure the distance of a match from the nearest words, 0 for a whole word; None without a match."""
         for tier, words in enumerate(entry.words):
             for distance, found in self._find_words(typed):
                 if not words.isdisjoint(found):
@@ -80,7 +81,7 @@ class WordIndex:
         return None
 
     def _measure_word(self, entry: Entry, typed: str) -> float | None:
-        """The distance of one typed word, or of the words that it stands for."""
+        """Measure the distance of one typed word, or of the words that it stands for; None without a match."""
         direct = self._measure(entry, typed)
         if direct is not None or typed not in SYNONYMS:
             return direct
@@ -88,7 +89,7 @@ class WordIndex:
         return None if None in distances else max(filter(None, distances), default=0.0)
 
     def _rank(self, typed: str) -> tuple[Match, ...]:
-        """The entries that have all of the typed words, the nearest first; empty without words."""
+        """Rank the entries that have all of the typed words, the nearest first; empty without words."""
         words = split_words(typed)
         found = []
         for order, entry in enumerate(self._entries if words else ()):
@@ -118,18 +119,18 @@ def _index_settings() -> WordIndex:
 
 
 def find_settings(typed: str) -> tuple[tuple[str, str], ...]:
-    """The settings (topic, key) that have all of the typed words, the nearest first; a name such as
+    """Find the settings (topic, key) that have all of the typed words, the nearest first. A name such as
     ``rig.baseline_m`` finds its setting first. Empty without words."""
     settings = list_all_settings()
     return tuple((settings[found.number][0], settings[found.number][1].key) for found in _index_settings().rank(typed))
 
 
-#: The number of the search words of a setting that are those of its description, the farthest.
+#: Index of the farthest search words of a setting: the words of its description.
 _DESCRIPTION = 4
 
 
 def find_near_settings(typed: str) -> frozenset[tuple[str, str]]:
-    """The settings of ``find_settings`` that have the typed words in more than their description."""
+    """Find the settings of ``find_settings`` that have the typed words in more than their description."""
     settings = list_all_settings()
     return frozenset(
         (settings[found.number][0], settings[found.number][1].key)

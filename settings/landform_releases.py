@@ -22,9 +22,8 @@ _LONGEST_RELEASE = 200
 
 
 def fill_in_releases(settings: Settings) -> Settings:
-    """Fill in ``made_by`` of each plug-in landform of settings, complete or partial. Changes and returns the same
-    settings.
-    """
+    """Fill in ``made_by`` of each plug-in landform in settings, complete or partial. Changes and returns these
+    settings."""
     for topic, values in settings.items():
         known = TOPICS.get(topic)
         if known is None or not known.plugin or known.settings[0].key not in values:
@@ -78,7 +77,7 @@ def refuse_missing_landforms(settings: Mapping[str, Mapping[str, Any]], where: s
 
 
 def list_counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
-    """[name, value] of every setting of plug-in landforms that are on, for the id of a pair."""
+    """List [name, value] of every setting of plug-in landforms that are on, for the id of a pair."""
     tables = {topic: Table(values) for topic, values in settings.items() if topic.startswith(PREFIX)}
     return [
         [f"{topic}.{key}", value]

@@ -10,7 +10,7 @@ from typing import Any
 
 
 def make_mirror(name: str) -> dict[str, Callable[..., Any]]:
-    """Functions ``get`` and ``set`` for a property that shows the property ``name`` of the same group."""
+    """Make the functions ``get`` and ``set`` of a property that shows the property ``name`` of the same group."""
 
     def read(group: object) -> object:
         return getattr(group, name)

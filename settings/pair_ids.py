@@ -39,17 +39,18 @@ def make_pair_id(settings: Mapping[str, Mapping[str, Value]], extra: str = "", c
 
 
 def find_present_name(name: str) -> str:
-    """The present name of a setting (``topic.key``)."""
+    """Return the present name of a setting (``topic.key``)."""
     return RENAMED_SETTINGS.get(name, name)
 
 
 def affects_pixels(setting: Setting) -> bool:
-    """Whether a setting can change a rendered pixel. The path of a file cannot."""
+    """Return whether a setting can change a rendered pixel. The path of a file cannot."""
     return setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
 
 
 def list_first_settings() -> list[str]:
-    """The settings of the first release that count in an id, by their names in that release, in the order of the id."""
+    """List the settings of the first release that count in an id, by their names in that release, in the order of the
+    id."""
     old = {new: name for name, new in RENAMED_SETTINGS.items()}
     return [
         old.get(name, name)
@@ -64,9 +65,8 @@ def list_first_settings() -> list[str]:
 
 
 def list_counted_values(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-    """The values of complete settings from which a pair's id is made: the list of the first release and, if there are
-    any, the newer settings that differ from their ``old_value``.
-    """
+    """List the values of complete settings from which a pair's id is made: the list of the first release and, if there
+    are any, the newer settings that differ from their ``old_value``."""
     return [json.loads(text) for text in make_counter()(settings)]
 
 
@@ -123,8 +123,8 @@ def _make_text(columns: Sequence[tuple[str, str]], table: Mapping[str, Any]) -> 
 
 
 def _list_newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]]:
-    """By topic (name, key, value before) of newer settings, and (key, part, name, value before) of newer parts of the
-    tables of its lists."""
+    """List the newer settings by topic as (name, key, value before), and the newer parts of the tables of its lists as
+    (key, part, name, value before)."""
     found: dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]] = {}
     for topic, s in list_all_settings():
         values, parts = found.setdefault(topic, ([], []))
@@ -138,8 +138,8 @@ def _list_newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[t
 def _find_newer(
     values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]], table: Mapping[str, Any]
 ) -> list[Any]:
-    """[name, value] of each newer setting of a topic's ``table`` whose value differs from its ``old_value``. ``values``
-    and ``parts`` are from ``_list_newer_settings``."""
+    """Find [name, value] of each newer setting of a topic's ``table`` whose value differs from its ``old_value``.
+    ``values`` and ``parts`` are from ``_list_newer_settings``."""
     found = [[name, _drop_newer_parts(name, table[key])] for name, key, old in values if table[key] != old]
     return found + [
         [f"{name} {k}", entry[part]]
@@ -150,7 +150,7 @@ def _find_newer(
 
 
 def find_value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
-    """The value of a setting (``topic.key``) in the hash of a pair's id."""
+    """Find the value of a setting (``topic.key``) that is hashed in a pair's id."""
     topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
     if (
@@ -167,7 +167,7 @@ def _make_typed_settings(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
 
 
 def _drop_newer_parts(name: str, value: Value) -> Value:
-    """A value without newer settings in the tables of a list."""
+    """Return a value without the newer settings in the tables of a list."""
     topic, _, key = find_present_name(name).partition(".")
     keys = [setting.key for setting in TOPICS[topic][key].entries if not setting.since]
     return [{key: table[key] for key in keys} for table in value] if keys and isinstance(value, list) else value

@@ -44,7 +44,7 @@ LIDARS = PRESETS_FOLDER / "lidars"
 
 
 def load(path: Path) -> Settings:
-    """The partial description in a settings file. It overrides the presets that the file includes.
+    """Load the partial description in a settings file. It overrides the presets that the file includes.
 
     A file may begin with ``[preset]``, which contains ``title``, ``description``, ``include = ["bodies/europa", …]``
     and ``made_with``, the version that wrote the file. It may end with ``[sources]``, the source of each number, and
@@ -60,17 +60,17 @@ def load(path: Path) -> Settings:
 
 
 def load_preset(name: str) -> Settings:
-    """The partial description of a shipped preset; see ``find_preset`` and ``load``."""
+    """Load the partial description of a shipped preset; see ``find_preset`` and ``load``."""
     return load(find_preset(name))
 
 
 def load_named(name: str) -> Settings:
-    """The partial description of a shipped preset, or of a file whose name ends with .toml."""
+    """Load the partial description of a shipped preset, or of a file whose name ends with .toml."""
     return load(Path(name)) if name.endswith(".toml") else load_preset(name)
 
 
 def _load_included(name: str, path: Path) -> Settings:
-    """The shipped preset that the file at ``path`` includes."""
+    """Load the shipped preset that the file at ``path`` includes."""
     if name.endswith(".toml") and name.removesuffix(".toml") not in preset_names():
         includes_itself = os.path.abspath(path.parent / name) == os.path.abspath(path)
         raise IcyMoonError(
@@ -89,7 +89,7 @@ def _load_included(name: str, path: Path) -> Settings:
 
 
 def _check_header(header: object, path: Path) -> list[str]:
-    """The names of the presets that the ``[preset]`` table of a file includes."""
+    """Check the ``[preset]`` table of a file, and return the names of the presets that it includes."""
     if not isinstance(header, Mapping):
         raise IcyMoonError(f"{path}: [preset] must be a table, not {quote(header)}.")
     unknown = sorted(set(header) - set(_HEADER_KEYS))
@@ -104,7 +104,7 @@ def _check_header(header: object, path: Path) -> list[str]:
 
 
 def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
-    """The settings, with relative paths of files resolved against ``folder``."""
+    """Resolve the relative paths of files in the settings against ``folder``, in place. Returns the settings."""
     for topic, values in settings.items():
         for key, value in values.items():
             if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
@@ -113,7 +113,7 @@ def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
 
 
 def preset_names(kind: str = "") -> list[str]:
-    """Names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
+    """List the names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
     return sorted(
         p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix()
         for p in (PRESETS_FOLDER / kind).rglob("*.toml")
@@ -122,22 +122,22 @@ def preset_names(kind: str = "") -> list[str]:
 
 
 def is_whole_scene(name: str) -> bool:
-    """Whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
+    """Return whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
     return name.split("/")[0] in WHOLE_SCENE_KINDS
 
 
 def plan_names() -> list[str]:
-    """Names of the shipped plans, such as ``datasets/guiss_rocks``."""
+    """List the names of the shipped plans, such as ``datasets/guiss_rocks``."""
     return sorted(p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix() for p in PLANS_FOLDER.glob("*.toml"))
 
 
 def lidar_names() -> list[str]:
-    """Names of the shipped laser scanners, such as ``ouster_os1``."""
+    """List the names of the shipped laser scanners, such as ``ouster_os1``."""
     return sorted(path.stem for path in LIDARS.glob("*.toml"))
 
 
 def find_preset(name: str) -> Path:
-    """The file of a shipped preset, ``kind/name``, or only the name of a scene preset.
+    """Find the file of a shipped preset, ``kind/name``, or only the name of a scene preset.
 
     Raises IcyMoonError if the preset does not exist.
     """
@@ -151,7 +151,7 @@ def find_preset(name: str) -> Path:
 
 
 def find_preview(name: str) -> Path:
-    """The picture of a shipped preset, or 'choose' for one picture of all scenes. Some presets have no such file.
+    """Find the picture of a shipped preset, or with 'choose' one picture of all scenes. The file may be missing.
 
     The picture of a preset that describes only a part of a scene is in a folder of its kind.
     """
@@ -160,12 +160,13 @@ def find_preview(name: str) -> Path:
 
 
 def read_preset_header(name: str) -> tuple[str, str]:
-    """(title, description) of a shipped preset."""
+    """Read (title, description) of a shipped preset."""
     return read_header(find_preset(name), name)
 
 
 def read_header(path: Path, name: str) -> tuple[str, str]:
-    """(title, description) of a preset file, with ``name`` as default title. Raises IcyMoonError as ``read_toml``."""
+    """Read (title, description) of a preset file, with ``name`` as default title. Raises IcyMoonError as ``read_toml``
+    does."""
     header = read_toml(path).get("preset", {})
     if not isinstance(header, Mapping):
         return name, ""
@@ -173,7 +174,8 @@ def read_header(path: Path, name: str) -> tuple[str, str]:
 
 
 def make_preset_text(title: str, description: str, settings: Settings, sources: Mapping[str, str]) -> str:
-    """The text of a preset file for ``load``, with the version that writes it and its sources by ``topic.key``."""
+    """Write the text of a preset file for ``load``, with the version that writes it and its sources by
+    ``topic.key``."""
     header = {"title": title, "description": description, "made_with": version()}
     lines = ["[preset]", *(f"{key} = {to_toml_value(value)}" for key, value in header.items()), ""]
     source_lines = [f"{to_toml_value(name)} = {to_toml_value(source)}" for name, source in sources.items()]

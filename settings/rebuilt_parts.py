@@ -53,7 +53,8 @@ def _select_settings(settings: Settings, keys: Iterable[tuple[str, str]]) -> dic
 
 
 def select_geometry(settings: Settings) -> Parts:
-    """The settings on which the shape of ground and rocks depends, with the site if it must be clear of rocks."""
+    """Select the settings on which the shape of ground and rocks depends. They include the site if it must be clear of
+    rocks."""
     return _select_geometry_cached(settings)
 
 
@@ -66,8 +67,8 @@ def _select_geometry_cached(settings: Settings) -> dict[str, dict[str, Any]]:
 
 
 def select_scene(settings: Settings) -> Parts:
-    """``select_geometry`` and all other settings on which a built scene depends. Pairs that differ in them cannot share
-    a scene.
+    """Select the settings of ``select_geometry`` and all others on which a built scene depends. Pairs that differ in
+    them cannot share a scene.
 
     A graded mesh depends on the rig, and on fine relief that is geometry. Ground from a file depends on the site,
     because only a build finds the height there, unless the camera's height is stated. Attributes and images of the mesh
@@ -92,7 +93,7 @@ def select_scene(settings: Settings) -> Parts:
 
 
 def describe_mesh_relief(settings: Settings) -> str:
-    """A cache key of the fine relief and broken walls of the meshes; empty without fine relief and broken walls."""
+    """Make a cache key of the fine relief and the broken walls of the meshes; empty without both."""
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
     relief, walls = find_fine_relief(settings), breaks_walls(settings)
@@ -109,14 +110,13 @@ def describe_mesh_relief(settings: Settings) -> str:
 
 
 def select_materials(settings: Settings) -> Parts:
-    """The settings of surfaces that are not in ``select_scene``."""
+    """Select the settings of surfaces that are not in ``select_scene``."""
     return _select_settings(settings, _LOOK)
 
 
 def select_appearance(settings: Settings) -> Parts:
-    """``select_materials``, with the distance of a lamp in place of the Sun, whether there are other lamps, and for
-    each surface whether subsurface light is traced.
-    """
+    """Select the settings of ``select_materials``, the distance of a lamp in place of the Sun, whether there are other
+    lamps, and whether each surface's subsurface light is traced."""
     return {
         **select_materials(settings),
         "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACE_TOPICS},
@@ -128,25 +128,25 @@ def select_appearance(settings: Settings) -> Parts:
 
 
 def select_light(settings: Settings) -> Parts:
-    """The settings on which lights depend. Stars also depend on the size of a pixel."""
+    """Select the settings on which lights depend. Stars also depend on the size of a pixel."""
     return _select_settings(settings, _LIGHT | (_PIXEL_SIZE_SETTINGS if settings.light.stars else set()))
 
 
 def select_lander(settings: Settings) -> Parts:
-    """The settings on which the lander and its arm depend, with the rig that its mast carries."""
+    """Select the settings on which the lander and its arm depend, with the rig that its mast carries."""
     return _select_settings(settings, _LANDER | (_MAST_SETTINGS if settings.lander.kind != "NONE" else set()))
 
 
 def select_camera(settings: Settings) -> Parts:
-    """The settings on which the camera depends."""
+    """Select the settings on which the camera depends."""
     return _select_settings(settings, _CAMERA)
 
 
 def select_sampling(settings: Settings) -> Parts:
-    """The settings of Cycles' sampling; no built part depends on them."""
+    """Select the settings of Cycles' sampling; no built part depends on them."""
     return _select_settings(settings, _SAMPLING)
 
 
 def select_response(settings: Settings) -> Parts:
-    """The settings after whose change images are only developed again, without a new render."""
+    """Select the settings that need no new render: after they change, images are only developed again."""
     return _select_settings(settings, _RESPONSE)

@@ -12,7 +12,7 @@ Tables = dict[str, dict[str, Any]]
 
 
 def find_shared(descriptions: Iterable[Parts]) -> Tables:
-    """The settings that have the same value in all of these descriptions."""
+    """Find the settings that have the same value in all of these descriptions."""
     first: Parts = {}
     shared: Tables = {}
     for k, settings in enumerate(descriptions):
@@ -31,7 +31,7 @@ def _is_same(table: Mapping[str, Any], key: str, value: object) -> bool:
 
 
 def remove_shared(settings: Parts, shared: Parts) -> Tables:
-    """The settings of a description without the shared ones."""
+    """Return the settings of a description without the shared ones."""
     own = {
         topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
         for topic, table in settings.items()

@@ -15,7 +15,7 @@ from .topics.scene import OUR_TOPICS, Settings
 
 
 def _make_topic(landform: PluginLandform) -> Topic:
-    """The topic of a plug-in's landform: its numbers, and the release that made it."""
+    """Make the topic of a plug-in's landform: its numbers, and the release that made it."""
     settings = []
     for n in landform.settings:
         label = f"{n.label} (°)" if n.unit == "deg" else n.label
@@ -63,12 +63,12 @@ TOPICS: dict[str, Topic] = OUR_TOPICS | {
 
 
 def list_all_settings() -> list[tuple[str, Setting]]:
-    """All (topic key, setting) in the order of the sidebar."""
+    """List (topic key, setting) of all settings in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
 
 
 def list_differing_settings(one: Settings, other: Settings) -> list[tuple[str, Setting]]:
-    """(topic, setting) of the settings that differ, without those that ``one`` lacks; ``other`` is complete."""
+    """List (topic, setting) of the settings that differ, without those that ``one`` lacks; ``other`` is complete."""
     return [
         (topic, s)
         for topic, s in list_all_settings()
@@ -77,7 +77,8 @@ def list_differing_settings(one: Settings, other: Settings) -> list[tuple[str, S
 
 
 def list_ground_settings() -> dict[str, tuple[str, str]]:
-    """(topic, key) of the seed, of each number of a patch of ground and of all of its landforms, by a keyword.
+    """List the settings (topic, key) of a patch of ground by a keyword: the seed, each number of the terrain, and all
+    of its landforms.
 
     The radius of the body is left out, because a patch is flat.
     """

@@ -14,7 +14,7 @@ Made = TypeVar("Made")
 
 
 class TableCache(Generic[Made]):
-    """The result of ``make`` for a table, remembered by the identity of the table. Tables must not be changed."""
+    """Caches the result of ``make`` for a table, by the identity of the table. Tables must not be changed."""
 
     def __init__(self, make: Callable[[Mapping[str, Any]], Made]) -> None:
         self._make = make
@@ -22,14 +22,14 @@ class TableCache(Generic[Made]):
         self._known: dict[int, tuple[Mapping[str, Any], Made]] = {}
 
     def of(self, table: Mapping[str, Any]) -> Made:
-        """The cached result for this table; it is made at the first call."""
+        """Return the cached result for this table; it is made at the first call."""
         known = self._known.get(id(table))
         if known is None:
             known = self._known[id(table)] = (table, self._make(table))
         return known[1]
 
 
-def _make_text(keys: Sequence[str], table: Mapping[str, Any]) -> str:
+def _serialize_table(keys: Sequence[str], table: Mapping[str, Any]) -> str:
     return json.dumps([table[key] for key in keys])
 
 
@@ -40,8 +40,8 @@ class SettingsTexts:
         keys: dict[str, list[str]] = {}
         for topic, key in names:
             keys.setdefault(topic, []).append(key)
-        self._made = {topic: TableCache(partial(_make_text, those)) for topic, those in keys.items()}
+        self._made = {topic: TableCache(partial(_serialize_table, those)) for topic, those in keys.items()}
 
     def of(self, settings: Mapping[str, Mapping[str, Any]]) -> str:
-        """The text of a description."""
+        """Return the text of a description."""
         return " ".join([made.of(settings[topic]) for topic, made in self._made.items()])

@@ -15,7 +15,7 @@ from .topics.declaration import Value
 
 
 def read_toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
-    """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
+    """Read the raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
     try:
         text = read_text(path)
         return parse_toml(text), text
@@ -26,12 +26,12 @@ def read_toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
+    """Read the raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
     return read_toml_and_text(path)[0]
 
 
 def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
-    """A description as TOML text that ``load`` reads back to the same values.
+    """Write a description as TOML text that ``load`` reads back to the same values.
 
     A plug-in's landform that is off is left out, so that the text can be read without the plug-in.
     """
@@ -40,7 +40,7 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
         if topic.startswith(PREFIX) and values.get(RELEASE) == "":
             continue
         lines.append(f"[{topic}]")
-        # The lists of tables come last: what follows a [[table]] header belongs to that table.
+        # The lists of tables come last, because all lines after a [[table]] header belong to that table.
         lines += [
             f"{key} = {to_toml_value(value)}"
             for key, value in values.items()

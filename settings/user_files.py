@@ -22,7 +22,7 @@ from .topics.scene import Settings
 
 
 def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:
-    """The absolute path of each file in use, by the setting that names it (``topic.key``).
+    """Find the absolute path of each file in use, by the setting that names it (``topic.key``).
 
     ``blend_folder`` is the folder for //, or None without a saved .blend file. Raises IcyMoonError if a required path
     is empty, or begins with // without a folder.
@@ -57,7 +57,7 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
 
 
 def _list_masks(settings: Settings) -> list[tuple[str, str]]:
-    """The topics and keys of the painted masks that have an effect."""
+    """List the topics and keys of the painted masks that have an effect."""
     return [
         (topic, s.key)
         for topic in ("rocks", *surface_topics(settings))
@@ -70,13 +70,13 @@ def _list_masks(settings: Settings) -> list[tuple[str, str]]:
 
 
 def has_surroundings(settings: Settings) -> bool:
-    """Whether the ground of a height map continues beyond the patch."""
+    """Return whether the ground of a height map continues beyond the patch."""
     return bool(settings.source.kind == "HEIGHT_MAP" and settings.source.surroundings_m > 0)
 
 
 def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files that the settings use and of the recipes of their stand-ins; empty without
-    files and stand-ins.
+    """Hash the content of the files that the settings use and the recipes of their stand-ins; empty without files and
+    stand-ins.
 
     Raises IcyMoonError if a file cannot be read.
     """
@@ -94,7 +94,8 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
 
 
 def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
-    """Whether all files that the settings use exist, including files that belong to them, such as an arm's meshes."""
+    """Return whether all files that the settings use exist, including files that belong to them, such as an arm's
+    meshes."""
     return all(
         path.is_file() and all(part.is_file() for part in _list_parts(settings, name, path))
         for name, path in find_used_files(settings, blend_folder).items()
@@ -102,8 +103,8 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: a mesh with its buffers and shown images, a head with the calibrations that it
-    names, or all files of a folder."""
+    """List the files whose content counts: a mesh with its buffers and shown images, a head with the calibrations that
+    it names, or all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]

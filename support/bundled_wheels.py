@@ -25,13 +25,13 @@ _TRIAL_TIMEOUT_S = 60.0
 
 
 def has_bundled_wheels(root: Path = ROOT) -> bool:
-    """Whether this is a store build: an extension with wheels inside."""
+    """Return whether this is a store build: an extension with wheels inside."""
     return any((root / "wheels").glob("*.whl"))
 
 
 def share_wheels(extensions: Path) -> None:
     """Give our child processes the folder in which Blender has unpacked the wheels. ``extensions`` is the folder of the
-    user's extensions. Does nothing in builds other than store builds."""
+    user's extensions. Does nothing except in store builds."""
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     folder = extensions / ".local" / "lib" / version / "site-packages"
     if has_bundled_wheels():
@@ -44,7 +44,7 @@ def unshare_wheels() -> None:
 
 
 def find_folder() -> str:
-    """The folder of the wheels if this process is Blender's Python, run as a program; else empty."""
+    """Find the folder of the wheels if this process is Blender's Python, run as a program; else empty."""
     prefix, _, folder = os.environ.get(WHEELS_VARIABLE, "").rpartition(os.pathsep)
     ours = prefix and os.path.realpath(prefix) == os.path.realpath(sys.prefix)
     return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""
@@ -61,7 +61,7 @@ def use_wheels() -> None:
 
 @cache
 def find_python() -> str | None:
-    """Blender's own Python as a program; None if no candidate has Blender's numpy.
+    """Find Blender's own Python as a program; None if no candidate has Blender's numpy.
 
     Blender's ``sys.executable`` may be any Python on the search path, so each candidate is tried.
     """

@@ -24,7 +24,7 @@ def choose_folder(path: str) -> None:
 
 
 def own_cache_folder() -> Path:
-    """The cache folder of Icy Moon, which may be missing: from the environment, the preferences, or the user's
+    """Return the cache folder of Icy Moon, which may be missing: from the environment, the preferences, or the user's
     default."""
     if given := os.environ.get(FOLDER_VARIABLE) or _Choice.path:
         return parse_path(given, FOLDER_VARIABLE).absolute()

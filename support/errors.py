@@ -12,7 +12,7 @@ class IcyMoonError(Exception):
 
 
 def describe_error(error: Exception, where: object) -> str:
-    """A sentence about an error that stops one of many tasks while the others continue."""
+    """Describe, in a sentence, an error that stops one of many tasks while the others continue."""
     if isinstance(error, IcyMoonError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -25,6 +25,6 @@ class DiskError(IcyMoonError):
 
 
 def find_first_line(error: Exception) -> str:
-    """The reason why an operator of Blender failed, in one line."""
+    """Find the reason why an operator of Blender failed, in one line."""
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

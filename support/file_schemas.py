@@ -33,7 +33,7 @@ class Kind:
 @dataclass(frozen=True)
 class Each:
     """A table whose keys have one kind and whose values have one shape, or a list (``keys`` is None) of such values.
-    ``needed`` are required keys."""
+    ``needed`` are the required keys."""
 
     shape: Shape
     keys: Kind | None = None
@@ -52,7 +52,7 @@ Shape = Kind | Mapping[str, Any] | Each | Maybe
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a finite number, see ``NUMBER``."""
+    """Return whether a value is a finite number, see ``NUMBER``."""
     return _is_whole(value) or (isinstance(value, float) and math.isfinite(value))
 
 
@@ -69,12 +69,12 @@ def _is_matrix(value: object) -> bool:
 
 
 def _is_text(value: object) -> TypeGuard[str]:
-    """Whether a value is a text that can be written to files and terminals; JSON may contain lone surrogates."""
+    """Return whether a value is a text that can be written to files and terminals; JSON may contain lone surrogates."""
     return isinstance(value, str) and value == value.encode("utf-8", "replace").decode("utf-8")
 
 
 def _is_file_name(value: object) -> bool:
-    """Whether a text names a file in a folder, on every system, and nothing outside of it."""
+    """Return whether a text names a file in a folder, on every system, and nothing outside the folder."""
     return _is_text(value) and value.strip(" .") == value != "" and not find_name_fault(value)
 
 
@@ -97,7 +97,7 @@ SHA256 = Kind(
 
 
 def find_fault(data: object, shape: Shape, name: str = "it") -> str:
-    """The first fault of ``data``, under the name ``name``; empty for a valid shape."""
+    """Find the first fault of ``data``, under the name ``name``; empty for a valid shape."""
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):
@@ -146,7 +146,8 @@ def check_record(data: object, shape: Shape, where: object, fix: str) -> Any:
 
 
 def read_record(path: Path, shape: Shape, fix: str) -> Any:
-    """The content of a JSON file of this shape. Raises IcyMoonError, or FileNotFoundError if the file is missing."""
+    """Read the content of a JSON file of this shape. Raises IcyMoonError, or FileNotFoundError if the file is
+    missing."""
     try:
         data = parse_json(read_text(path))
     except FileNotFoundError:
@@ -165,9 +166,9 @@ _MEMORY_PER_NUMBER = 32
 def read_number_lines(
     path: Path, columns: Sequence[str], setting: str, most: int | None = None
 ) -> list[tuple[int, list[float] | None]]:
-    """The numbers of some columns of a CSV file whose first line names its columns.
+    """Read the numbers of some columns of a CSV file whose first line names its columns.
 
-    For each line that is not empty: its line number in the file and its numbers, or None if a column has no number.
+    Each line that is not empty gives its line number in the file and its numbers, or None if a column has no number.
     Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
     ``most``; reading stops there.
     """

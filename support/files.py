@@ -49,7 +49,7 @@ _part_numbers = itertools.count(1)
 
 
 def make_part_path(path: Path) -> Path:
-    """Path of the half-written file that will be renamed to ``path``.
+    """Make the path of the half-written file that will be renamed to ``path``.
 
     Its name ends in ``PART_SUFFIX``, and no other process on any machine uses it.
     """
@@ -88,20 +88,19 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError if the file
-    cannot be read, and ValueError for content other than text or for more than ``MAX_TEXT`` bytes.
-    """
+    """Read a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError if the file cannot be
+    read, and ValueError for content other than text or for more than ``MAX_TEXT`` bytes."""
     return decode_text(read_regular(path, MAX_TEXT_BYTES))
 
 
 def is_of_file_manager(name: str) -> bool:
-    """Whether file managers leave files of this name in folders."""
+    """Return whether file managers leave files of this name in folders."""
     return bool(_FILE_MANAGER_NAMES.fullmatch(name))
 
 
 def list_user_files(folder: Path, pattern: str = "*") -> list[Path]:
-    """The sorted paths in a folder that match a pattern, without the files of file managers in any folder of the
-    path."""
+    """List the paths in a folder that match a pattern, sorted. Files of file managers are left out, in any folder of
+    the path."""
     return [
         path
         for path in sorted(folder.glob(pattern))
@@ -110,8 +109,8 @@ def list_user_files(folder: Path, pattern: str = "*") -> list[Path]:
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
-    """Half-written files in a folder whose processes, on this computer, have certainly ended. ``pattern`` is the name
-    of the whole file."""
+    """Yield the half-written files in a folder whose processes, on this computer, have certainly ended. ``pattern`` is
+    the name of the whole file."""
     scope = system.find_process_scope()
     for part in folder.glob(f"{pattern}.{glob.escape(system.find_computer_name())}-*-*{PART_SUFFIX}"):
         writer = part.name.removesuffix(PART_SUFFIX).rsplit("-", 2)[1]
@@ -120,7 +119,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
 
 
 def remove_leftover_parts(folder: Path) -> None:
-    """Remove the parts of files in a folder that ``find_leftover_parts`` finds."""
+    """Remove the half-written files in a folder that ``find_leftover_parts`` finds."""
     for part in find_leftover_parts(folder):
         with suppress(OSError):  # another process may remove it too, or the disk refuses
             system.remove(part)
@@ -137,18 +136,18 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def to_json_text(data: object) -> str:
-    """The content of a JSON file. Raises ValueError for NaN, which JSON lacks."""
+    """Write data as the content of a JSON file. Raises ValueError for NaN, which JSON lacks."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def make_json_digest(data: object) -> str:
-    """A digest of JSON values, sixteen digits."""
+    """Make a digest of JSON values, sixteen digits."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def escape_cell(text: str) -> str:
-    """A text for a table: control characters are made visible, and an apostrophe precedes a text that a spreadsheet
-    would take for a formula."""
+    """Escape a text for a cell of a table: control characters are made visible, and an apostrophe precedes a text that
+    a spreadsheet would take for a formula."""
     return show_controls(f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text)
 
 
@@ -158,8 +157,9 @@ def write_json(path: Path, data: object) -> None:
 
 
 def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
-    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content differs. This is
-    safe even if another process replaces the folder, because the part is then in the moved folder."""
+    """Replace a text file whose content is ``before`` by ``text``, atomically. Returns False if its content differs.
+    This is safe even if another process moves the folder away, because the half-written file is then in the moved
+    folder."""
 
     def write(part: Path) -> None:
         part.write_text(text, encoding="utf-8", newline="\n")
@@ -180,7 +180,8 @@ class _ChangedError(Exception):
 
 
 def hash_file(path: Path) -> str:
-    """Checksum of a regular file's content. Raises OSError for any other, such as a pipe that never ends."""
+    """Compute the checksum of a regular file's content. Raises OSError for any other, such as a pipe that never
+    ends."""
     found = hashlib.sha256()
     with system.open_regular(path) as stream:
         while part := stream.read(_CHECKSUM_STEP_BYTES):
@@ -189,7 +190,8 @@ def hash_file(path: Path) -> str:
 
 
 def hash_file_once(path: Path) -> str:
-    """Checksum of a regular file's content, read again only if its size or time of change differs. Raises OSError."""
+    """Return the checksum of a regular file's content. The file is read again only if its size or time of change
+    differs. Raises OSError."""
     state = path.stat()
     return _hash_state(path, state.st_size, state.st_mtime_ns)
 
@@ -200,8 +202,8 @@ def _hash_state(path: Path, size: int, modified_ns: int) -> str:
 
 
 def read_checksum(path: Path, most: float = math.inf) -> str:
-    """Checksum of a file; empty if the file cannot be read or has more than ``most`` bytes. The user of the file
-    reports this fault."""
+    """Read the checksum of a file; empty if the file cannot be read or has more than ``most`` bytes. The user of the
+    file reports this fault."""
     try:
         return hash_file(path) if path.stat().st_size <= most else ""
     except OSError:
@@ -223,8 +225,8 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
 
 
 def parse_path(text: str, name: str) -> Path:
-    """The path that the user wrote for ``name``; ``~`` at its start is a home folder. Raises IcyMoonError for an empty
-    or impossible path."""
+    """Parse the path that the user wrote for ``name``; ``~`` at its start is a home folder. Raises IcyMoonError for an
+    empty or impossible path."""
     if not text.strip():
         raise IcyMoonError(f"{name} is empty; choose a path.")
     path = os.path.expanduser(text)
@@ -253,8 +255,8 @@ def shorten(text: str) -> str:
 
 
 def quote(value: object) -> str:
-    """A value of a file to quote in a sentence, plainly and never long: texts in quotes,
-    ``true``, dates as written in TOML, ``a table``, ``a whole number of 5000 digits``."""
+    """Quote a value of a file in a sentence, plainly and never long: texts in quotes, ``true``, dates as written in
+    TOML, ``a table``, ``a whole number of 5000 digits``."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if value is None:
@@ -282,7 +284,7 @@ def refuse_file_as_folder(path: Path, option: str) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a file exists; False also for a path that is invalid on this system."""
+    """Return whether a file exists; False also for a path that is invalid on this system."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -94,7 +94,7 @@ class OverBudgetError(Exception):
 
 
 class Budget:
-    """The bytes of memory that a parser may still take."""
+    """The bytes of memory that a parser may still allocate."""
 
     def __init__(self, most: int = MAX_MEMORY) -> None:
         self.most = self.left = most
@@ -124,16 +124,16 @@ class Cursor:
 
     @property
     def at(self) -> int:
-        """The offset of the next byte in the file."""
+        """Offset of the next byte in the file."""
         return self._start + self._at
 
     @property
     def left(self) -> int:
-        """The number of remaining bytes."""
+        """Number of remaining bytes."""
         return len(self._data) - self._at
 
     def take(self, count: int) -> bytes:
-        """The next ``count`` bytes. Raises ValueError for a negative count, and if fewer bytes are left."""
+        """Take the next ``count`` bytes. Raises ValueError for a negative count, and if fewer bytes are left."""
         at, end = self._at, self._at + count
         if not at <= end <= len(self._data):
             raise ValueError(
@@ -143,26 +143,26 @@ class Cursor:
         return bytes(self._data[at:end])
 
     def skip(self, count: int) -> None:
-        """Leave out the next bytes. Raises ValueError as ``take`` does."""
+        """Skip the next bytes. Raises ValueError as ``take`` does."""
         if not 0 <= count <= self.left:
             raise ValueError(f"a size of {count} at byte {self.at}, with {self.left} bytes left")
         self._at += count
 
     def skip_to(self, place: int) -> None:
-        """Go to a place of the file. Raises ValueError for a place behind the cursor or beyond the end."""
+        """Go to an offset in the file. Raises ValueError for an offset behind the cursor or beyond the end."""
         self.skip(place - self.at)
 
     def unpack(self, layout: str) -> tuple[Any, ...]:
-        """The next numbers, in a layout of ``struct``."""
+        """Take the next numbers, in a layout of ``struct``."""
         return struct.unpack(layout, self.take(struct.calcsize(layout)))
 
     def number(self, layout: str) -> int:
-        """The next whole number, in a layout of ``struct`` such as ``<I``."""
+        """Take the next whole number, in a layout of ``struct`` such as ``<I``."""
         return int(self.unpack(layout)[0])
 
     def take_until(self, mark: bytes, most: int) -> bytes:
-        """The bytes before ``mark``, which is skipped. Raises ValueError if it does not follow
-        within ``most`` bytes."""
+        """Take the bytes before ``mark``, and skip the mark. Raises ValueError if it does not follow within ``most``
+        bytes."""
         at, data = self._at, self._data
         if not isinstance(data, bytes):
             data, at = bytes(data[at : at + most + len(mark)]), 0
@@ -173,7 +173,8 @@ class Cursor:
         return data[at:end]
 
     def numbers(self, kind: DTypeLike, count: int, what: str = "numbers") -> Array:
-        """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
+        """Take the next ``count`` values of a numpy type, as a read-only array without a copy of the bytes. Raises
+        ValueError if fewer are left."""
         import numpy as np  # only here, because modules that import this module report what a bare Python lacks
 
         dtype = np.dtype(kind)
@@ -186,14 +187,14 @@ class Cursor:
 
 
 class ForeignBytes:
-    """A file, or bytes from one, and its reading budget. ``name`` is the file's name, for commands on it."""
+    """A file, or bytes from one, and the budget for reading it. ``name`` is the file's name, for commands on it."""
 
     def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
         self._source, self.size, self.budget, self.name = source, size, budget, name
         self._readable = _MAX_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
-        """Bytes at any place. Raises ValueError for bytes outside the file, OverBudgetError if the same bytes are
+        """Read bytes at any offset. Raises ValueError for bytes outside the file, OverBudgetError if the same bytes are
         requested too often."""
         if start < 0 or count < 0 or start + count > self.size:
             raise ValueError(f"{count} bytes at byte {start}, but it has {self.size}")
@@ -209,20 +210,20 @@ class ForeignBytes:
         return data
 
     def cursor(self, start: int = 0, count: int | None = None) -> Cursor:
-        """A cursor over ``count`` bytes from ``start`` on; over all remaining ones without ``count``."""
+        """Make a cursor over ``count`` bytes from ``start`` on; without ``count``, over all remaining bytes."""
         return Cursor(self.part(start, self.size - start if count is None else count), self.budget, start)
 
     def content(self) -> bytes:
-        """All bytes of the file."""
+        """Read all bytes of the file."""
         return self.part(0, self.size)
 
     def text(self) -> str:
-        """The content as text, see ``decode_text``."""
+        """Read the content as text, see ``decode_text``."""
         return decode_text(self.content())
 
     def lines(self, start: int = 0, longest: int = LONGEST_LINE_BYTES) -> Iterator[tuple[int, bytes]]:
-        """The lines from byte ``start`` on, see the function ``split_lines``, without holding all in memory. The first
-        lines show how lines end."""
+        """Yield the lines from byte ``start`` on, see the function ``split_lines``, without holding all in memory. The
+        first lines show how lines end."""
         step = max(longest, _LINES_STEP_BYTES)
         first = self.part(start, min(step, self.size - start))
         rest = (self.part(at, min(step, self.size - at)) for at in range(start + len(first), self.size, step))
@@ -262,7 +263,7 @@ def read(
 def parse_part(
     data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, memory: int = MAX_MEMORY
 ) -> Parsed:
-    """The result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
+    """Return the result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
     with explain_errors(where, kind, fix):
         return parse(ForeignBytes(data, len(data), Budget(memory)))
 
@@ -285,13 +286,13 @@ def explain_errors(where: object, kind: str, fix: str) -> Iterator[None]:
 
 
 def describe_reason(error: Exception) -> str:
-    """The reason of an error in a few words."""
+    """Describe the reason of an error in a few words."""
     if isinstance(error, OSError):
         note = note_on_backslashes(error.filename) if isinstance(error, FileNotFoundError) else ""
         return (error.strerror or type(error).__name__) + note
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
-    if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # this name means nothing to a user
+    if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # a user does not know this name
         return f"it has a number of more than {_MAX_DIGITS} digits"
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
@@ -308,7 +309,8 @@ def describe_reason(error: Exception) -> str:
 
 
 def read_regular(path: Path, most: int) -> bytes:
-    """The content of a regular file. Raises OSError if it is absent, ValueError if it has more than ``most`` bytes."""
+    """Read the content of a regular file. Raises OSError if it is absent, ValueError if it has more than ``most``
+    bytes."""
 
     def read_all() -> bytes:
         with system.open_regular(path) as stream:
@@ -321,15 +323,15 @@ def read_regular(path: Path, most: int) -> bytes:
 
 
 def read_end(path: Path, most: int) -> bytes:
-    """The last ``most`` bytes of a regular file, or all. Raises OSError if it is absent."""
+    """Read the last ``most`` bytes of a regular file, or all. Raises OSError if it is absent."""
     with system.open_regular(path) as stream:
         stream.seek(max(0, stream.seek(0, io.SEEK_END) - most))
         return stream.read(most)
 
 
 def decode_text(data: bytes) -> str:
-    r"""A text in UTF-8, or in the encoding of its first bytes, as PowerShell and Notepad write; lines end in \ . Raises
-    ValueError for other content."""
+    r"""Decode a text in UTF-8, or in the encoding that its first bytes mark, as PowerShell and Notepad write it. Lines
+    of the result end in \n. Raises ValueError for other content."""
     encoding = next((name for mark, name in _TEXT_MARKS.items() if data.startswith(mark)), "utf-8")
     try:
         text = data.decode(encoding)
@@ -339,7 +341,7 @@ def decode_text(data: bytes) -> str:
 
 
 def split_lines(data: bytes, longest: int = LONGEST_LINE_BYTES) -> Iterator[tuple[int, bytes]]:
-    """Number, from 1, and bytes of each line, which ends in \\n, \\r\\n or \\r, without its end.
+    """Yield the number, from 1, and the bytes of each line, without its end: \\n, \\r\\n or \\r.
 
     Raises ValueError for a line of more than ``longest`` bytes.
     """
@@ -349,7 +351,7 @@ def split_lines(data: bytes, longest: int = LONGEST_LINE_BYTES) -> Iterator[tupl
 
 
 def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines of a text from consecutive chunks; each chunk but the last has ``longest`` bytes or more."""
+    """Yield the lines of a text from consecutive chunks. Each chunk except the last has ``longest`` bytes or more."""
     number, rest = 0, b""
     for part in parts:
         *whole, rest = (rest + part).split(end)
@@ -365,7 +367,7 @@ def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[t
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The content of a JSON text. Raises ValueError for other texts, for a number that is not finite, and for more than
+    """Parse a JSON text. Raises ValueError for other texts, for a number that is not finite, and for more than
     ``_MAX_JSON_VALUES`` values."""
     # Each bracket and comma adds at most one value. Brackets and commas within texts count too; files have few.
     if isinstance(text, bytes):
@@ -392,15 +394,15 @@ def _parse_finite(text: str) -> float:
 
 
 def note_on_backslashes(path: object) -> str:
-    """A remark in parentheses on the path of a missing file: only Windows separates folders by a backslash, which is
-    part of a name on other systems."""
+    """Return a remark in parentheses on the path of a missing file: only Windows separates folders by a backslash,
+    which is part of a name on other systems."""
     there = "\\" in str(path) and not system.is_windows()
     return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
 def make_path_hint(error: ValueError) -> str:
-    """The end of a clause on the likely fault of a text that ``parse_toml`` refuses: in double quotes a backslash
-    begins an escape, also in paths of Windows."""
+    """Return the end of a clause on the likely fault of a text that ``parse_toml`` refuses: in double quotes a
+    backslash begins an escape, also in paths of Windows."""
     escape = "Unescaped" in str(error) or "hex value" in str(error)
     return "; write paths with / or in single quotes" if escape else ""
 
@@ -438,7 +440,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _refuse_long_numbers(data: dict[str, Any]) -> None:
-    """Refuse whole numbers that are too large for a float, which numbers in hexadecimal digits may be."""
+    """Raise ValueError for whole numbers that are too large for a float, which numbers in hexadecimal digits may be."""
     left: list[Any] = [data]
     while left:
         value = left.pop()
@@ -468,8 +470,8 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
 
 
 def parse_whole_numbers(text: bytes) -> Array:
-    """The numbers (n,) int64 of a text of digits and blanks; numbers beyond 2^63 - 1 become 2^63 - 1. Raises ValueError
-    for any other text."""
+    """Parse a text of digits and blanks as numbers (n,) int64; numbers beyond 2^63 - 1 become 2^63 - 1. Raises
+    ValueError for any other text."""
     import numpy as np
 
     if text.translate(None, b"0123456789 \t\r\n"):
@@ -478,7 +480,7 @@ def parse_whole_numbers(text: bytes) -> Array:
 
 
 def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
-    """The ``size`` bytes that zlib packed into ``data``. Raises ValueError if they are more or fewer."""
+    """Decompress the ``size`` bytes that zlib packed into ``data``. Raises ValueError if they are more or fewer."""
     if budget is not None:
         budget.charge(size, "packed data")
     unpacker = zlib.decompressobj()
@@ -492,8 +494,8 @@ def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
 
 
 def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> Array:
-    """The read-only array of a file in numpy's format, with numbers of these ``kinds``. Raises ValueError for another
-    type, and for a shape larger than the file."""
+    """Parse the array of a file in numpy's format, read-only, with numbers of these ``kinds``. Raises ValueError for
+    another type, and for a shape larger than the file."""
     return _read_array(foreign.cursor(), kinds)
 
 
@@ -524,9 +526,9 @@ def _read_array(cursor: Cursor, kinds: str) -> Array:
 
 
 def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub") -> dict[str, Array]:
-    """The arrays of an archive in numpy's format by name: all, or those ``wanted`` that it has.
+    """Parse the arrays of an archive in numpy's format by name: all, or the ``wanted`` ones that it has.
 
-    Raises ValueError if it is damaged or an array is of another type, OverBudgetError if they are too large.
+    Raises ValueError if it is damaged or an array has another type, OverBudgetError if they are too large.
     """
     data = foreign.content()
     _check_directory(data)
@@ -556,7 +558,7 @@ def _check_directory(data: bytes) -> None:
 
 
 def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, size: int) -> memoryview:
-    """The content of a member of an archive, of ``size`` bytes at most, in steps that stay in the processor's cache."""
+    """Decompress a member of an archive, of ``size`` bytes at most, in steps that stay in the processor's cache."""
     content, at = bytearray(size), 0
     with archive.open(member) as stream:
         while at < size and (part := stream.read(min(_UNPACKED_STEP_BYTES, size - at))):

@@ -4,11 +4,11 @@ BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each 
 HIDDEN = "Hidden"  # pass of the layer TRUTH: 1 where the point is hidden from the other eye, else 0
 LOOSE = "LooseThickness"  # pass of the layer TRUTH: metres of loose material above the hard ground
 DISTANCE = "Distance"  # pass of the layer TRUTH of cameras beside the pair: metres along the ray of the pixel
-SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
+SKY_DEPTH_M = 1.0e10  # the value that Cycles writes where a ray hits nothing
 UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
-SALT_AOV = "Salt"  # value pass of such maps: the share of salt in what a pixel sees
+SALT_AOV = "Salt"  # value pass of such maps: the share of salt in the surface that a pixel sees
 #: Value passes of an image of direct light, by light group: radiance of the ground by light that was baked to it.
 BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
 #: Attributes of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
@@ -38,7 +38,7 @@ HALF_FLOAT_PASSES = {
 
 
 def list_rounded_passes(files: str, half_floats: str) -> set[str]:
-    """Passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""
+    """List the passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""
     return HALF_FLOAT_PASSES["RADIANCE_NORMALS" if files == "COMPACT" else half_floats]
 
 

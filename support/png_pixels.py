@@ -24,7 +24,7 @@ _LEFT, _UP, _MEAN, _PAETH = 1, 2, 3, 4
 
 @dataclass(frozen=True)
 class PngHead:
-    """Statements of a PNG file about its pixels; ``colours`` is 0 grey, 2 RGB, 3 palette, 4 and 6 with opacity."""
+    """Facts of a PNG file about its pixels; ``colours`` is 0 grey, 2 RGB, 3 palette, 4 and 6 with opacity."""
 
     width: int
     height: int
@@ -34,7 +34,8 @@ class PngHead:
 
 
 def check_png(foreign: ForeignBytes) -> PngHead:
-    """The head of a PNG file that is complete and whose checksums are right. Raises ValueError for any other."""
+    """Check that a PNG file is complete and that its checksums are right; return its head. Raises ValueError for any
+    other."""
     head = None
     for _, body in _read_parts(foreign):
         head = head or _read_head(body)
@@ -44,8 +45,8 @@ def check_png(foreign: ForeignBytes) -> PngHead:
 
 
 def decode_png(foreign: ForeignBytes) -> Array:
-    """Decode a PNG file to (rows, columns, channels) float32, 0 to 1: each value divided by the largest of its bits,
-    row 0 at the top.
+    """Decode a PNG file to (rows, columns, channels) float32, 0 to 1, row 0 at the top. Each value is divided by the
+    largest value of its bits.
 
     The memory is charged to the file's budget. Raises ValueError for a damaged file, and RefusedError for a palette and
     for interlaced rows.
@@ -68,7 +69,8 @@ def decode_png(foreign: ForeignBytes) -> Array:
 
 
 def _read_parts(foreign: ForeignBytes) -> Iterator[tuple[bytes, bytes]]:
-    """The kind and the content of each part of a file, from its head to its end. Raises ValueError if it is damaged."""
+    """Read the kind and the content of each part of a file, from its head to its end. Raises ValueError if it is
+    damaged."""
     cursor = foreign.cursor()
     if cursor.take(len(PNG_START)) != PNG_START:
         raise ValueError("it does not begin as a PNG file")
@@ -101,7 +103,8 @@ def _read_head(body: bytes) -> PngHead:
 
 
 def _unfilter(filters: Array, stored: Array) -> Array:
-    """The bytes (rows, columns, bytes) of pixels that are stored as differences, by the filter (rows,) of each row.
+    """Restore the bytes (rows, columns, bytes) of pixels that are stored as differences, by the filter (rows,) of each
+    row.
 
     A pixel depends on the left, the upper and the upper left pixel. So all pixels on a diagonal are computed together.
     """
@@ -127,7 +130,7 @@ def _unfilter(filters: Array, stored: Array) -> Array:
 
 
 def _choose_nearest(left: Array, up: Array, corner: Array) -> Array:
-    """Paeth's predictor: the neighbour that is nearest to left + up - corner."""
+    """Choose, as Paeth's predictor does, the neighbour that is nearest to left + up - corner."""
     import numpy as np
 
     to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
@@ -135,7 +138,7 @@ def _choose_nearest(left: Array, up: Array, corner: Array) -> Array:
 
 
 def _unpack_bits(rows: Array, head: PngHead, channels: int) -> Array:
-    """The stored numbers (rows, columns, channels) of the bytes (rows, bytes) of pixels."""
+    """Unpack the numbers (rows, columns, channels) from the bytes (rows, bytes) of pixels."""
     import numpy as np
 
     if head.bits == 16:

@@ -29,23 +29,23 @@ _SHORT_ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 
 def show_controls(text: str) -> str:
-    """The text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
-    return text if text.isprintable() else _CONTROL_CHARACTERS.sub(_show_control, text)
+    """Return the text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
+    return text if text.isprintable() else _CONTROL_CHARACTERS.sub(_escape_control_character, text)
 
 
 def show_lines(text: str) -> str:
-    """A text of several lines, each as by ``show_controls``."""
+    """Return a text of several lines, each as by ``show_controls``."""
     return text if text.isprintable() else "\n".join(map(show_controls, text.split("\n")))
 
 
-def _show_control(found: re.Match[str]) -> str:
+def _escape_control_character(found: re.Match[str]) -> str:
     number = ord(found[0])
     return _SHORT_ESCAPES.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
 
 
 def open_streams() -> None:
     """Open a standard stream for each absent one, and make all of them accept any character. Without this, the next
-    opened file would get the number of the absent stream, and a library would print into that file."""
+    opened file would get the number of the absent stream, and a library would print into the file."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -79,7 +79,7 @@ def warn(text: str, program: str = "icymoon") -> None:
 
 
 def rewrite_line(text: str) -> None:
-    """Replace the last line of the standard error by a text, if that is a terminal. Never raises."""
+    """Replace the last line of the standard error by a text, if standard error is a terminal. Never raises."""
     with suppress(OSError, ValueError, AttributeError):
         if sys.stderr.isatty():
             _write(sys.stderr, f"\r\033[K{show_controls(text)}")
@@ -123,8 +123,8 @@ def flush() -> None:
         _write(sys.stderr, "")
 
 
-def drop_output() -> None:
-    """Discard all further output: the standard output has no reader, and Python would complain at its end."""
+def discard_output() -> None:
+    """Discard all further output: the standard output has no reader, and Python would report this at its end."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -138,8 +138,8 @@ def print_table(
 ) -> None:
     """Print a table. A cell is a text, or a text and its style by rich's name.
 
-    Columns in ``left`` are aligned to the left, others to the right. ``narrowest`` is the width, in characters, of a
-    table that goes into a pipe, which has none. Raises as ``say`` does.
+    Columns in ``left`` are aligned to the left, others to the right. ``narrowest`` is the table's width, in characters,
+    when the output is a pipe and so has no width. Raises as ``say`` does.
     """
     from rich.table import Table
 
@@ -162,14 +162,15 @@ def print_line(console: Console, *parts: str | tuple[str, str]) -> None:
 
 
 def make_styled_text(text: str, style: str = "") -> Text:
-    """A text for rich, without markup."""
+    """Make a text for rich, without markup."""
     from rich.text import Text
 
     return Text(show_controls(text), style)
 
 
 def make_console(to_error: bool = False) -> Console:
-    """A console of rich that prints like ``say`` or ``warn``, with the same safety; give it instances of its Text."""
+    """Make a console of rich that prints like ``say`` or ``warn``, with the same safety; give it instances of its
+    Text."""
     from rich.console import Console
 
     stream = cast(IO[str], _Stream("stderr" if to_error else "stdout"))
@@ -196,7 +197,7 @@ def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
 
 
 class _Stream:
-    """The current standard stream, for rich. Its errors are as in ``say``, or there are none, as in ``warn``."""
+    """The current standard stream, for rich. It raises errors as ``say`` does, or never, as ``warn``."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -208,7 +209,7 @@ class _Stream:
 
     @property
     def encoding(self) -> str:
-        """The encoding, by which rich chooses the characters of its lines."""
+        """Encoding by which rich chooses the characters of its lines."""
         return getattr(self._stream, "encoding", None) or "utf-8"
 
     def write(self, text: str) -> int:
@@ -224,13 +225,13 @@ class _Stream:
         """Do nothing, since no text is buffered."""
 
     def isatty(self) -> bool:
-        """Whether the stream is a terminal."""
+        """Return whether the stream is a terminal."""
         with suppress(ValueError, AttributeError):
             return bool(self._stream.isatty())
         return False
 
     def fileno(self) -> int:
-        """The number of the stream. Raises OSError if it has no number."""
+        """Return the number of the stream. Raises OSError if it has no number."""
         stream = self._stream
         if stream is None:
             raise OSError(errno.EBADF, "absent")

@@ -16,7 +16,7 @@ Steps = Generator[Callable[[], Any] | None, Any, T]
 
 @dataclass(frozen=True)
 class Outcome:
-    """The value of a function, or the error that it raised."""
+    """The value that a function returned, or the error that it raised."""
 
     value: Any = None
     error: Exception | None = None
@@ -31,8 +31,8 @@ def call(work: Callable[[], Any]) -> Outcome:
 
 
 def advance(steps: Steps[Any], outcome: Outcome) -> Callable[[], Any] | None:
-    """Run work to its next yield, after the ``outcome`` of the function that it yielded last, and return what it
-    yields. Raises StopIteration with the result of the work at its end."""
+    """Run work to its next yield, and return the value that it yields. ``outcome`` belongs to the function that it
+    yielded last. Raises StopIteration with the result of the work at its end."""
     return steps.send(outcome.value) if outcome.error is None else steps.throw(outcome.error)
 
 

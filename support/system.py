@@ -71,7 +71,7 @@ _Result = TypeVar("_Result")
 
 
 def is_windows() -> bool:
-    """Whether this is Windows."""
+    """Return whether this is Windows."""
     return PLATFORM == "win32"
 
 
@@ -120,7 +120,7 @@ def open_regular(path: Path) -> IO[bytes]:
 
 
 def retry(act: Callable[[], _Result]) -> _Result:
-    """The result of ``act``, which is tried again for some seconds after temporary errors."""
+    """Return the result of ``act``. After a temporary error it is tried again, for some seconds."""
     for n, wait_s in enumerate(_RETRY_WAITS_S):
         try:
             return act()
@@ -132,9 +132,8 @@ def retry(act: Callable[[], _Result]) -> _Result:
 
 
 def may_be_open_elsewhere(error: OSError) -> bool:
-    """Whether an error may be due to another program that has the file open, such as a virus scanner or a viewer.
-    Windows reports the same error for write-protected files.
-    """
+    """Return whether an error may be due to another program that has the file open, such as a virus scanner or a
+    viewer. Windows reports the same error for write-protected files."""
     return is_windows() and isinstance(error, PermissionError)
 
 
@@ -162,7 +161,7 @@ def remove_folder(path: Path) -> None:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether an error means that the reader of the printed output has ended; Windows then reports an invalid
+    """Return whether an error means that the reader of the printed output has ended; Windows then reports an invalid
     argument."""
     return isinstance(error, BrokenPipeError) or (
         is_windows() and error.errno == errno.EINVAL and error.filename is None
@@ -189,14 +188,15 @@ def lock(path: Path) -> IO[bytes] | None:
 
 
 def lock_for_child(path: Path) -> IO[bytes] | None:
-    """As ``lock``, for use as the standard input of another process, which then holds it until it ends."""
+    """Lock a file as ``lock`` does, for use as the standard input of another process, which then holds it until it
+    ends."""
     if not is_windows():
         return lock(path)
     return None if is_lock_held(path) else path.open("a+b")
 
 
 def is_lock_held(path: Path) -> bool:
-    """Whether a living process has the lock of ``lock_for_child``."""
+    """Return whether a living process has the lock of ``lock_for_child``."""
     if is_windows():  # Windows' locks are not inherited, but an open file cannot be renamed there
         try:
             path.rename(path)
@@ -216,8 +216,8 @@ def is_lock_held(path: Path) -> bool:
 
 
 def check_path(path: Path, deepest: Path | None = None) -> None:
-    """On Windows, raise IcyMoonError for a path that it does not accept, or whose longest part
-    ``deepest`` it does not."""
+    """On Windows, raise IcyMoonError for a path that it does not accept, or whose longest part ``deepest`` it does not
+    accept."""
     if not is_windows():
         return
     whole = PureWindowsPath(os.path.abspath(path))
@@ -233,7 +233,7 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
 
 
 def find_name_fault(name: str) -> str:
-    """The reason why Windows accepts no file of this name; empty if it does."""
+    """Find why Windows accepts no file of this name; empty if it does."""
     if wrong := [c for c in name if c in '<>:"/\\|?*' or ord(c) < 32]:
         return f"with {wrong[0]!r}"
     if name.endswith((".", " ")) and name.strip("."):
@@ -244,7 +244,7 @@ def find_name_fault(name: str) -> str:
 
 
 def _allows_long_paths() -> bool:
-    """Whether Windows lets this program use long paths."""
+    """Return whether Windows lets this program use long paths."""
     import ctypes
 
     try:
@@ -254,22 +254,23 @@ def _allows_long_paths() -> bool:
 
 
 def find_computer_name() -> str:
-    """Name of this computer."""
+    """Return the name of this computer."""
     return socket.gethostname()
 
 
 def find_user_key() -> str:
-    """A text that separates the users of this computer in a shared folder."""
+    """Return a text that separates the users of this computer in a shared folder."""
     return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
 
 def belongs_to_user(path: Path) -> bool:
-    """Whether a file or folder belongs to this user; Windows hides folders of other users in any case."""
+    """Return whether a file or folder belongs to this user. On Windows always true, because folders of other users are
+    hidden there."""
     return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
 
 
 def find_cache_folder() -> Path:
-    """The folder for data that the user's programs can recreate."""
+    """Find the folder for data that the user's programs can recreate."""
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
     variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
@@ -289,8 +290,8 @@ _MISSING_LIBRARY = re.compile(r"(\S+?\.so[.\d]*): cannot open shared object file
 
 
 def explain_missing_library(error: str) -> str:
-    """A sentence on a missing system library that Blender as a module needs, and how to get it; empty for another
-    error."""
+    """Return a sentence on a missing system library that Blender as a module needs, and how to get it; empty for
+    another error."""
     if "DLL load failed" in error:
         return (
             "Windows lacks a library that Blender needs; install Microsoft Visual C++ Redistributable 2015-2022 "
@@ -313,12 +314,12 @@ def explain_missing_library(error: str) -> str:
 
 
 def find_venv_python(folder: Path) -> Path:
-    """The Python of a virtual environment."""
+    """Return the Python of a virtual environment."""
     return folder / ("Scripts/python.exe" if is_windows() else "bin/python")
 
 
 def find_pythons(prefix: Path) -> list[Path]:
-    """Possible Pythons outside Blender: in the installation at ``prefix``, and on the search path."""
+    """Find possible Pythons outside Blender: in the installation at ``prefix``, and on the search path."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     names = ("python", "py") if is_windows() else ("python3",)
     found = [Path(path) for name in names if (path := shutil.which(name))]
@@ -329,13 +330,13 @@ def find_pythons(prefix: Path) -> list[Path]:
 
 
 def is_python(executable: str) -> bool:
-    """Whether a program has a name of Python, including the ``py`` of Windows."""
+    """Return whether a program has a name of Python, including the ``py`` of Windows."""
     stem = Path(executable).stem.lower()
     return stem == "py" or stem.startswith("python")
 
 
 def split_command(text: str) -> list[str]:
-    """The arguments of a command as typed. Raises ValueError for an unclosed quote."""
+    """Split a command as typed into its arguments. Raises ValueError for an unclosed quote."""
     words = shlex.shlex(text, posix=True)
     words.whitespace_split, words.commenters = True, ""
     if is_windows():
@@ -347,12 +348,12 @@ def split_command(text: str) -> list[str]:
 
 
 def count_processors() -> int:
-    """Processors that this process may use."""
+    """Count the processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def measure_peak_memory_mib() -> float | None:
-    """Peak memory of this process in MiB; None on Windows, where Python cannot measure it."""
+    """Measure the peak memory of this process in MiB; None on Windows, where Python cannot measure it."""
     try:
         import resource
     except ImportError:
@@ -362,7 +363,7 @@ def measure_peak_memory_mib() -> float | None:
 
 
 def measure_peak_memory_mib_of(pid: int) -> float | None:
-    """Peak memory in MiB of another process; None except on Linux."""
+    """Measure the peak memory in MiB of another process; None except on Linux."""
     try:
         with open(f"/proc/{pid}/status", encoding="ascii", errors="replace") as stream:
             return next((int(line.split()[1]) / 1024 for line in stream if line.startswith("VmHWM:")), None)
@@ -375,7 +376,7 @@ def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[N
     """Bound memory and processor time of this process inside the ``with`` statement, on Linux only.
 
     Allocating fails beyond ``memory`` more bytes than now and room for the threads of a library. With ``cpu_s``, the
-    process ends after this many more seconds of the processor, see ``is_ended_by_time_limit``.
+    process ends after this many more processor seconds, see ``is_ended_by_time_limit``.
     """
     if PLATFORM != "linux":
         yield
@@ -401,7 +402,7 @@ def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[N
 
 
 def is_ended_by_time_limit(status: int) -> bool:
-    """Whether a process with this exit status exceeded the time of ``bound_memory_and_time``."""
+    """Return whether a process with this exit status exceeded the time of ``bound_memory_and_time``."""
     return hasattr(signal, "SIGXCPU") and status == -signal.SIGXCPU
 
 
@@ -459,15 +460,15 @@ def start_dependent(command: Sequence[str], environment: Mapping[str, str] | Non
 def start_detached(
     command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes], log: IO[bytes], stop: Path
 ) -> subprocess.Popen[bytes]:
-    """Start a program as ``start`` does, which may outlive this process. It holds the lock ``held`` of
-    ``lock_for_child`` and writes to ``log``. ``stop`` names the file by which ``interrupt_detached`` stops it."""
+    """Start a program as ``start`` does, which may outlive this process. It holds ``held``, a lock of
+    ``lock_for_child``, and writes to ``log``. ``stop`` names the file by which ``interrupt_detached`` stops it."""
     remove(stop)
     told = _stop_environment(environment, str(stop)) if is_windows() else environment
     return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
 
 
 def call_dependent(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
-    """Run a program that calls ``stop_with_starter`` to its end, with our own output, and return its exit status."""
+    """Run a program that calls ``stop_with_starter`` to its end, with our own output. Returns its exit status."""
     with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_stop_environment(environment, "-")) as process:
         try:
             return process.wait()
@@ -490,7 +491,8 @@ def interrupt(process: subprocess.Popen[bytes]) -> None:
 
 
 def interrupt_detached(pid: int, stop: Path) -> None:
-    """Ask a program of ``start_detached`` and all that it has started to stop; an earlier process may have begun it."""
+    """Ask a program of ``start_detached``, and all that it has started, to stop. An earlier process may have started
+    it."""
     with suppress(OSError):
         if is_windows():
             stop.touch()
@@ -541,7 +543,7 @@ def lower_priority() -> None:
 def stop_with_starter(at_once: bool = False) -> None:
     """Stop when the process that started this one by ``start_dependent`` ends or requests it.
 
-    The stop is as by Ctrl-C, and 3 s later in any case; immediately with ``at_once``.
+    The stop is as by Ctrl-C, and 3 s later this process ends in any case; with ``at_once`` it ends immediately.
     """
     how = os.environ.pop(_STOP_VARIABLE, "")
     if how:
@@ -603,7 +605,7 @@ def end_at_interrupt() -> None:
 
 @contextmanager
 def silence_interrupts() -> Iterator[None]:
-    """While modules load, let Ctrl-C end this process at once and without a message. Nothing has begun yet, and some
+    """While modules load, let Ctrl-C end this process at once and without a message. No work has begun yet, and some
     modules turn a KeyboardInterrupt into another error."""
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler and threading.current_thread() is threading.main_thread():
@@ -625,7 +627,7 @@ def find_process_scope() -> str:
 
 
 def has_ended(pid: int, where: str) -> bool:
-    """Whether a process of the scope ``where``, see ``find_process_scope``, has certainly ended."""
+    """Return whether a process of the scope ``where``, see ``find_process_scope``, has certainly ended."""
     if not where or where != find_process_scope() or not 0 < pid < 2**31:
         return False
     if is_windows():

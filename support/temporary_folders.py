@@ -37,7 +37,7 @@ def make_scratch_folder() -> Path:
 
 @contextmanager
 def open_scratch_folder() -> Iterator[Path]:
-    """A temporary folder for a ``with`` statement. Raises IcyMoonError if none can be made."""
+    """Make a temporary folder for a ``with`` statement. Raises IcyMoonError if none can be made."""
     folder = make_scratch_folder()
     try:
         yield folder
@@ -54,7 +54,7 @@ def _remove_abandoned() -> None:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether a folder, not a link to one, belongs to this user."""
+    """Return whether a folder, not a link to one, belongs to this user."""
     return (
         not folder.is_symlink()
         and folder.is_dir()
@@ -64,7 +64,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _is_abandoned(owner: dict[str, Any]) -> bool:
-    """Whether the process that made a folder has certainly ended."""
+    """Return whether the process that made a folder has certainly ended."""
     here = system.find_process_scope()
     rebooted = owner["computer"] == system.find_computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
     return bool(here and owner["place"]) and (rebooted or system.has_ended(owner["pid"], owner["place"]))

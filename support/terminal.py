@@ -38,7 +38,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def as_path(text: str) -> Path:
-    """A path of the command line, for argparse."""
+    """Return a path of the command line, for argparse."""
     try:
         return parse_path(text, "the path")
     except IcyMoonError as error:
@@ -96,7 +96,7 @@ def run_verb(
     stopped: str,
     tell: Callable[[argparse.Namespace, IcyMoonError], None] = lambda options, error: None,
 ) -> int:
-    """Run the verb that the arguments name and return its exit status: the verb's own, 1 after a reported error, 130 if
+    """Run the verb that the arguments name. Returns its exit status: the verb's own, 1 after a reported error, 130 if
     stopped. ``tell`` is called with an error before it is printed. Raises SystemExit for wrong usage."""
     options = parser.parse_args(arguments)
     try:
@@ -112,10 +112,10 @@ def run_verb(
 
 
 def report_end(error: BaseException, program: str, stopped: str) -> int:
-    """Print on standard error why a command has ended, and return its exit status. An error that neither the user nor
-    the system can cause is a defect and is raised again."""
+    """Print on standard error why a command has ended. Returns its exit status. An error that neither the user nor the
+    system can cause is a defect and is raised again."""
     if isinstance(error, OSError) and is_broken_pipe(error):
-        printer.drop_output()
+        printer.discard_output()
         return 1
     if isinstance(error, KeyboardInterrupt):
         printer.warn(stopped, program)
@@ -134,7 +134,7 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 @contextmanager
 def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> Iterator[None]:
-    """Without a terminal, print the progress as a line every ``_PROGRESS_LINE_S`` seconds instead of a bar."""
+    """Print the progress as a line every ``_PROGRESS_LINE_S`` seconds, instead of a bar, if there is no terminal."""
     if console.is_terminal:
         yield
         return
@@ -159,7 +159,7 @@ def _print_warning(console: Console, message: dict[str, Any]) -> None:
 
 @contextmanager
 def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a progress bar of renders; yields the function that receives the messages of a worker or a runner.
+    """Show a progress bar of renders. Yields the function that receives the messages of a worker or a runner.
 
     A message moves the bar or becomes a line above it.
     """
@@ -197,12 +197,13 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 def keep_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
-    """A function that passes only progress messages on to ``show``."""
+    """Make a function that passes only progress messages on to ``show``."""
     return lambda message: show(message) if message["type"] == "progress" else None
 
 
 def tell_events(title: str, as_json: bool) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
-    """Print events as JSON lines, or show them as ``show_counted_progress`` does; yields a function of events."""
+    """Print events as JSON lines, or show them as ``show_counted_progress`` does. Yields the function that receives the
+    events."""
     return nullcontext(printer.emit_json) if as_json else show_counted_progress(title)
 
 
@@ -210,7 +211,7 @@ def tell_events(title: str, as_json: bool) -> AbstractContextManager[Callable[[d
 def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
     """Show a line on standard error that counts finished items, if standard error is a terminal.
 
-    Yields a function of the number of finished items and the number of all items.
+    Yields a function to call with the numbers of finished items and of all items.
     """
     try:
         yield lambda done, total: printer.rewrite_line(f"{title}: {done} of {total}")
@@ -220,10 +221,10 @@ def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a bar on standard error that counts finished items; yields the function that receives the events.
+    """Show a bar on standard error that counts finished items. Yields the function that receives the events.
 
-    Standard output stays free for results. Where standard error is no terminal there is no bar, but a line every
-    ``_PROGRESS_LINE_S``, and warnings and errors are printed all the same.
+    Standard output stays free for results. If standard error is no terminal, there is a line every ``_PROGRESS_LINE_S``
+    instead of a bar; warnings and errors are printed all the same.
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .comparison import Comparison
 
-#: Their names and their modules here, in the order of the page. The command line needs the names alone.
+#: The names of the comparisons and their modules here, in the order of the page. The command line needs only the names.
 MODULES = {
     "albedos": "moon_albedos",
     "colours": "colours",
@@ -23,5 +23,5 @@ MODULES = {
 
 
 def load_comparisons() -> tuple[Comparison, ...]:
-    """The comparisons, in the order of the page."""
+    """Load the comparisons, in the order of the page."""
     return tuple(import_module(f"{__package__}.{module}").COMPARISON for module in MODULES.values())

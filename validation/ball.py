@@ -28,7 +28,7 @@ _BALL_RINGS = 180
 
 
 def make_ball_mesh(rings: int = _BALL_RINGS) -> tuple[Array, Array]:
-    """Positions (n, 3) and triangles (m, 3) of a sphere of radius 1, outward, with ``2 * rings`` meridians."""
+    """Make the positions (n, 3) and outward triangles (m, 3) of a sphere of radius 1 with ``2 * rings`` meridians."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
     x, y, z = np.broadcast_arrays(
@@ -51,10 +51,10 @@ def make_ball_mesh(rings: int = _BALL_RINGS) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class BallImage:
-    """The left image of a ball: ``radiance_factor`` I/F (H, W), 0 beside it, and angles (H, W) in radians.
+    """The left image of a ball: ``radiance_factor`` I/F (H, W), 0 beside the ball, and angles (H, W) in radians.
 
-    Incidence, emission and azimuth are of the true sphere at the centre of each pixel, NaN beside it. ``pixel_area`` is
-    the area of a pixel over the area of the disc.
+    Incidence, emission and azimuth are those on the true sphere at the centre of each pixel, and NaN beside the ball.
+    ``pixel_area`` is the area of a pixel divided by the area of the disc.
     """
 
     phase: float
@@ -66,7 +66,7 @@ class BallImage:
 
     @property
     def brightness(self) -> float:
-        """Brightness of the whole disc over the brightness of a white, facing Lambert disc."""
+        """Brightness of the whole disc divided by the brightness of a white, facing Lambert disc."""
         return float(self.radiance_factor.sum() * self.pixel_area)
 
 
@@ -78,7 +78,7 @@ def render_ball(
     pixels: int = 160,
     samples: int = 16,
 ) -> list[list[BallImage]]:
-    """Images of a ball for each description of a surface, in the order of the phase angles (0 to 176 degrees).
+    """Render images of a ball for each description of a surface, in the order of the phase angles (0 to 176 degrees).
 
     ``distance`` is the distance of the camera in radii. As it is finite, the phase angle changes across the disc by up
     to 1 / distance.

@@ -60,14 +60,14 @@ def _make_enceladus_rows() -> list[Row]:
     ]
 
 
-def dark_share() -> float:
-    """Share of dark matter beside plains that gives Europa's trailing hemisphere its reflectance at 550 nm."""
+def find_dark_matter_share() -> float:
+    """Find the share of dark matter beside plains that gives Europa's trailing hemisphere its reflectance at 550 nm."""
     plains, dark = (float(MATERIALS[name].reflectance(550.0)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
     return (plains - _TRAILING_GREEN) / (plains - dark)
 
 
 def _make_europa_rows() -> list[Row]:
-    share, rows = dark_share(), []
+    share, rows = find_dark_matter_share(), []
     for wavelength in _COLOURS_NM:
         plains, dark = (float(MATERIALS[name].reflectance(wavelength)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
         theirs, error = published.read_europa_over_green(wavelength)

@@ -37,7 +37,7 @@ FAILS = "fails"
 NOT_JUDGED = "not judged"
 #: The options of the command that name a folder of data, which are fields of a bench too.
 DATA_OPTIONS = ("polar", "frost")
-#: Why a number that ours was fitted to is not judged where both agree.
+#: Why a row is not judged if our number was fitted to the other one and both agree.
 _WHY_FITTED = "ours was fitted to it"
 
 
@@ -45,10 +45,10 @@ _WHY_FITTED = "ours was fitted to it"
 class Row:
     """A number of Icy Moon beside its independent reference value.
 
-    ``allowed`` is the largest difference with which the row passes, in the unit of both. ``fitted`` marks a number that
-    ours was fitted to: agreement then shows only the fit and is not judged, and a larger difference fails. ``why``
-    states the known cause of a difference, for the reader. It begins with ``Likely cause`` if the cause was not tested.
-    ``unjudged`` is the reason for which the row is not judged at all.
+    ``allowed`` is the largest difference with which the row passes, in the unit of both. ``fitted`` marks a reference
+    to which our number was fitted: agreement then shows only the fit and is not judged, and a larger difference fails.
+    ``why`` states the known cause of a difference, for the reader. It begins with ``Likely cause`` if the cause was not
+    tested. ``unjudged`` is the reason for which the row is not judged at all.
     """
 
     quantity: str
@@ -68,7 +68,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """``PASSES``, ``FAILS`` or ``NOT_JUDGED``. A judged number that is not finite fails."""
+        """The verdict ``PASSES``, ``FAILS`` or ``NOT_JUDGED``. A judged number that is not finite fails."""
         if self.unjudged:
             return NOT_JUDGED
         if not abs(self.difference) <= self.allowed:
@@ -77,13 +77,13 @@ class Row:
 
     @property
     def note(self) -> str:
-        """The known cause of a failed row, the reason of a row that is not judged; otherwise empty."""
+        """The known cause if the row fails, the reason if it is not judged; otherwise empty."""
         if self.verdict == NOT_JUDGED:
             return f"Not judged: {self.unjudged or _WHY_FITTED}"
         return self.why if self.verdict == FAILS else ""
 
     def to_json(self) -> dict[str, Any]:
-        """The row as plain values, null for numbers that are not finite."""
+        """Return the row as plain values, null for numbers that are not finite."""
         ours, theirs = (value if math.isfinite(value) else None for value in (self.ours, self.theirs))
         return {
             "quantity": self.quantity,
@@ -154,7 +154,7 @@ class Comparison:
 
     @property
     def command(self) -> str:
-        """The command that runs it."""
+        """The command that runs the comparison."""
         data = f" --{self.needs} FOLDER" if self.needs else ""
         return f"python -m icymoon validate{data} --only {self.name}"
 
@@ -170,12 +170,12 @@ class Result:
 
     @property
     def passes(self) -> bool:
-        """Whether it ran, at least one row was judged, and every judged row passes."""
+        """Whether the comparison ran, at least one row was judged, and every judged row passes."""
         verdicts = {row.verdict for row in self.rows}
         return not self.error and PASSES in verdicts and FAILS not in verdicts
 
     def to_json(self) -> dict[str, Any]:
-        """The result as plain values."""
+        """Return the result as plain values."""
         return {
             "name": self.comparison.name,
             "title": self.comparison.title,
@@ -223,7 +223,7 @@ def load_own_comparison(path: Path) -> Comparison:
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
     if found.needs not in ("", *DATA_OPTIONS):
         raise IcyMoonError(
-            f"{path}: no option gives the folder of needs={found.needs!r}; say "
+            f"{path}: no option gives the folder of needs={found.needs!r}; write "
             f"{' or '.join(map(repr, DATA_OPTIONS))}, or "
             "leave it out and let the file find its data."
         )
@@ -231,7 +231,7 @@ def load_own_comparison(path: Path) -> Comparison:
 
 
 def _compare_by_file(path: Path, compare: Callable[[Bench], list[Row]], bench: Bench) -> list[Row]:
-    """The rows of a user's function. Any exception or other result becomes an IcyMoonError with its line."""
+    """Compute the rows by a user's function. Any exception or other result becomes an IcyMoonError with its line."""
     try:
         rows = compare(bench)
     except IcyMoonError:

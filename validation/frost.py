@@ -52,14 +52,14 @@ _CHOOSING_STATISTIC = "slope"
 
 @dataclass(frozen=True)
 class Statistic:
-    """A number of a patch, and its standard error from the differences of the four quadrants."""
+    """A number of a patch, and its standard error from the differences between the four quadrants."""
 
     value: float
     error: float
 
 
 def read_scan(path: Path) -> Array:
-    """Heights (n, n) in metres of the middle of a scan, ``SPACING_M`` apart, from its points or vertices, z up.
+    """Read the heights (n, n), m, of the middle of a scan, ``SPACING_M`` apart, from its points or vertices, z up.
 
     A cell has the mean height of its points. Raises IcyMoonError if the file is no scan in metres, or has too many
     holes.
@@ -83,7 +83,8 @@ def read_scan(path: Path) -> Array:
 
 
 def _sum_into_cells(points: Array, side_m: float) -> tuple[Array, Array]:
-    """Sums of heights and numbers of points (n, n) of the cells of a square in the middle of the points."""
+    """Add up the heights in each cell of a square in the middle of the points. Returns the sums and the numbers of
+    points, both (n, n)."""
     count = int(side_m / SPACING_M + 1e-6)
     corner = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0) - count * SPACING_M) / 2
     column, row = np.floor((points[:, :2] - corner) / SPACING_M).astype(int).T
@@ -94,7 +95,8 @@ def _sum_into_cells(points: Array, side_m: float) -> tuple[Array, Array]:
 
 
 def _fill_holes(path: Path, sums: Array, counts: Array) -> Array:
-    """Mean heights of the cells; those without a point have the mean of their neighbours."""
+    """Compute the mean heights of the cells; a cell without a point gets the mean of its neighbours. Raises
+    IcyMoonError if there are too many such cells."""
     holes = float(np.mean(counts == 0))
     if holes > _MAX_HOLES_SHARE:
         raise IcyMoonError(
@@ -148,7 +150,8 @@ def measure_preset(name: str) -> dict[str, Statistic]:
 
 
 def compare_scan(path: Path) -> list[Row]:
-    """The rows of a scan: the slope that chooses the preset, and the numbers that this preset predicts."""
+    """Compare a scan with the preset whose slope is nearest. Returns the row of that slope, and the rows of the numbers
+    that the preset predicts."""
     theirs = measure_statistics(read_scan(path))
     presets = {name: measure_preset(name) for name in preset_names("terrains")}
     name = min(

@@ -40,14 +40,14 @@ _MIDDLE_M = 3000.0
 
 
 def sample_far_ground(scene: str, seed: int) -> Array:
-    """Heights (n, n) in metres of a square of 4 km of a scene's ground, without waves shorter than 10 m."""
+    """Sample the heights (n, n), m, of a square of 4 km of a scene's ground, without waves shorter than 10 m."""
     ground = make_terrain(merged(defaults(), load_preset(f"scenes/{scene}")), seed)
     axis = (np.arange(POINTS) - (POINTS - 1) / 2) * SPACING_M + _MIDDLE_M
     return ground.heights(axis[None, :], axis[:, None], 2 * SPACING_M)
 
 
 def make_hill_rows(seeds: Sequence[int]) -> list[Row]:
-    """The slopes of the scenes' hills, as asked and beside Europa's, and their Hurst exponents."""
+    """Make the rows of the scenes' hills: their slopes, as asked and beside Europa's, and their Hurst exponents."""
     rows = []
     for scene, stated in SCENES.items():
         hills = merged(defaults(), load_preset(f"scenes/{scene}")).hills
@@ -56,7 +56,7 @@ def make_hill_rows(seeds: Sequence[int]) -> list[Row]:
 
 
 def make_far_rows(scene: str, hills: HillsSettings, squares: Sequence[Array], stated: published.Range) -> list[Row]:
-    """The rows of a scene's grids of heights (n, n), ``SPACING_M`` apart."""
+    """Make the rows of a scene's grids of heights (n, n), ``SPACING_M`` apart."""
     asked, baseline = float(hills.rms_slope_deg), float(hills.slope_baseline_m)
     hurst = float(np.mean([measure_roughness(each, SPACING_M, baseline, _LAW_M).hurst for each in squares]))
     return [
@@ -85,6 +85,6 @@ def make_far_rows(scene: str, hills: HillsSettings, squares: Sequence[Array], st
 
 
 def _measure_slope_deg(squares: Sequence[Array], distance_m: float) -> float:
-    """The RMS slope over a distance, in degrees."""
+    """Measure the RMS slope over a distance, in degrees."""
     degrees = np.array([measure_roughness(each, SPACING_M, distance_m).slope_deg for each in squares])
     return math.degrees(math.atan(math.sqrt(float(np.mean(np.tan(np.radians(degrees)) ** 2)))))

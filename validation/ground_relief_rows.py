@@ -76,7 +76,7 @@ class Preset:
 
     @property
     def plate_m(self) -> float:
-        """Width in metres of its plates; 0 without plates."""
+        """Width of the preset's plates in metres; 0 without plates."""
         settings = self.settings
         return max(
             float(settings.chaos.plate_m) if settings.chaos.relief_m > 0 else 0.0,
@@ -93,7 +93,7 @@ def read_preset(name: str) -> Preset:
 
 
 def sample_square(ground: Terrain, points: int) -> Array:
-    """Heights (n, n) in metres of a square about the middle of a ground, with landforms at their full height."""
+    """Sample the heights (n, n), m, of a square about the middle of a ground, with landforms at their full height."""
     axis = (np.arange(points) - (points - 1) / 2) * SPACING_M
     # A uniform mesh lowers landforms that are too fine for it; the rendered mesh is graded and does not.
     whole = replace(ground, landforms=tuple(replace(each, finest_m=math.inf) for each in ground.landforms))
@@ -101,7 +101,7 @@ def sample_square(ground: Terrain, points: int) -> Array:
 
 
 def make_relief_rows(seeds: Sequence[int]) -> list[Row]:
-    """The rows of all terrain presets, on grounds of some seeds."""
+    """Make the rows of all terrain presets, on grounds of some seeds."""
     rows = []
     for preset in map(read_preset, preset_names("terrains")):
         grounds = [make_terrain(preset.settings, seed) for seed in seeds]
@@ -112,7 +112,7 @@ def make_relief_rows(seeds: Sequence[int]) -> list[Row]:
 
 
 def make_patch_rows(preset: Preset, patches: Sequence[Array]) -> list[Row]:
-    """The rows of a preset's patches of heights (n, n), apart from shadows."""
+    """Make the rows of a preset's patches of heights (n, n), except for shadows."""
     terrain = preset.settings.terrain
     shortest, longest = law_range_m(terrain)
     law_m = max(shortest, _SHORTEST_LAG_M), longest
@@ -146,7 +146,7 @@ def make_patch_rows(preset: Preset, patches: Sequence[Array]) -> list[Row]:
 
 
 def _make_fine_slope_row(preset: Preset, patches: Sequence[Array]) -> Row:
-    """The RMS slope over a distance shorter than the baseline."""
+    """Make the row of the RMS slope over a distance shorter than the baseline."""
     terrain = preset.settings.terrain
     found = [measure_roughness(patch, SPACING_M, _FINE_LAG_M).slope_deg for patch in patches]
     steeper = (_FINE_LAG_M / float(terrain.slope_baseline_m)) ** (float(terrain.hurst) - 1.0)
@@ -162,7 +162,8 @@ def _make_fine_slope_row(preset: Preset, patches: Sequence[Array]) -> Row:
 
 
 def _make_curvature_rows(preset: Preset, patches: Sequence[Array]) -> list[Row]:
-    """The kurtosis of curvature of ground that should be Gaussian, or its logarithm for ground of plates."""
+    """Make the rows of the kurtosis of curvature: of ground that should be Gaussian, or its logarithm for ground of
+    plates."""
     kurtosis = float(np.mean([relief.measure_curvature_kurtosis(patch) for patch in patches]))
     if preset.is_random_surface:
         quantity = f"`{preset.name}`: kurtosis of curvature"
@@ -176,7 +177,8 @@ def _make_curvature_rows(preset: Preset, patches: Sequence[Array]) -> list[Row]:
 
 
 def make_shadow_rows(preset: Preset, grounds: Sequence[Terrain], seeds: Sequence[int]) -> list[Row]:
-    """The share in shadow under three Suns, beside the closed form and a Gaussian surface of the same spectrum."""
+    """Make the rows of the share in shadow under three Suns, beside the closed form and a Gaussian surface of the same
+    spectrum."""
     ours: list[list[float]] = []
     theirs: list[list[float]] = []
     slopes: list[float] = []

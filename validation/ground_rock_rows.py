@@ -43,7 +43,8 @@ _ASKED = "the preset; allowed is the 95 % interval of the estimate"
 
 @dataclass(frozen=True)
 class PlacedRocks:
-    """Diameters (n,) in metres of the rocks on the patches of all seeds, their area, and the least drawn diameter."""
+    """Diameters (n,), m, of the rocks on the patches of all seeds, the area of these patches, and the least drawn
+    diameter."""
 
     diameters_m: Array
     area_m2: float
@@ -51,7 +52,7 @@ class PlacedRocks:
 
 
 def list_rock_presets() -> dict[str, RocksSettings]:
-    """The presets that have rocks, each size law once, by the last part of their names."""
+    """List the presets that have rocks, each size law once, by the last part of their names."""
     found: dict[str, RocksSettings] = {}
     laws: set[tuple[object, ...]] = set()
     for name in (name for kind in _KINDS for name in preset_names(kind)):
@@ -93,7 +94,7 @@ def _make_settings(rocks: RocksSettings, seed: int) -> Settings:
 
 
 def make_rock_rows(seeds: Sequence[int]) -> list[Row]:
-    """The rows of the rocks of all presets, drawn with some seeds."""
+    """Make the rows of the rocks of all presets, drawn with some seeds."""
     rows = []
     for name, rocks in list_rock_presets().items():
         placed = place_rocks(rocks, seeds)
@@ -103,7 +104,7 @@ def make_rock_rows(seeds: Sequence[int]) -> list[Row]:
 
 
 def make_power_rows(name: str, rocks: RocksSettings, placed: PlacedRocks) -> list[Row]:
-    """The fitted index of a power law beside the asked one, and beside published ones."""
+    """Make the rows of a power law: its fitted index beside the asked one, and beside published ones."""
     found = fit_power_index(placed.diameters_m, placed.smallest_m, float(rocks.largest_m))
     counted = _COUNTED.get(name, published.SMALL_BODY_BLOCKS)
     return [
@@ -125,7 +126,7 @@ def make_power_rows(name: str, rocks: RocksSettings, placed: PlacedRocks) -> lis
 
 
 def make_exponential_rows(name: str, rocks: RocksSettings, placed: PlacedRocks) -> list[Row]:
-    """The fitted abundance and decay of Golombek's law beside the asked and the published ones."""
+    """Make the rows of Golombek's law: its fitted abundance and decay beside the asked and the published ones."""
     found = fit_exponential_cover(placed.diameters_m, placed.area_m2, placed.smallest_m, float(rocks.largest_m))
     k, asked = found.k, float(rocks.coverage)
     rows = [

@@ -42,7 +42,7 @@ _MOON_CURVE = (
     "Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
     "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal"
 )
-#: The same with a share of back-scattering, and an albedo of grains with which the geometric albedo stays.
+#: The same with a share of back-scattering, and with an albedo of the grains that keeps the geometric albedo.
 SHARPER_LOBE = {"c": 0.6, "w": 0.2521}
 _WHY_SMOOTH = (
     f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER_LOBE['c']:g} and w = "
@@ -58,7 +58,7 @@ _WITHOUT_SURGE = (
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured number: ``quantity`` is a key of ``_QUANTITIES``, ``error`` as its authors print it."""
+    """A measured number. ``quantity`` is a key of ``_QUANTITIES``, ``error`` is as its authors print it."""
 
     preset: str
     quantity: str
@@ -69,7 +69,7 @@ class Measured:
     why: str = ""
 
 
-#: Errors of 0.008 and less are of the measurement alone; what five digits of a fit can meet is 0.003.
+#: Errors of 0.008 and less are of the measurement alone; a fit with five digits can come as near as 0.003.
 MEASURED = (
     Measured("enceladus_global", "geometric", 1.375, 0.008, _VERBISCER, fitted=True),
     Measured("enceladus_global", "Bond", 0.81, 0.04, "Howett et al. 2010, Icarus 206, 573", fitted=True),
@@ -143,8 +143,8 @@ _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
 }
 
 
-def read_preset_law(preset: str) -> photometry.Law:
-    """The law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
+def read_preset_photometric_law(preset: str) -> photometry.Law:
+    """Read the photometric law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
     settings = merged(defaults(), load_preset(preset))
     law = make_law(settings.surface, settings.hapke)
     assert law is not None
@@ -152,8 +152,8 @@ def read_preset_law(preset: str) -> photometry.Law:
 
 
 def find_contradicting_measurement(each: Measured, ours: float) -> Measured | None:
-    """Another measurement of the same number that agrees with ours, if both measurements differ by more than their
-    joint error.
+    """Find another measurement of the same number that agrees with ours but contradicts this measurement: they differ
+    by more than the sum of their errors. None if no measurement does.
 
     No number can agree with both, so a preset cannot be judged by the measurement with which it disagrees.
     """
@@ -170,7 +170,7 @@ def find_contradicting_measurement(each: Measured, ours: float) -> Measured | No
 
 
 def _make_measured_row(each: Measured) -> Row:
-    ours = _QUANTITIES[each.quantity](read_preset_law(f"surfaces/hapke_{each.preset}"))
+    ours = _QUANTITIES[each.quantity](read_preset_photometric_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
     other = find_contradicting_measurement(each, ours)
     return Row(
@@ -190,28 +190,30 @@ def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float)
     return float(2.5 * np.log10(near / far) / (far_deg - near_deg))
 
 
-def radiance_factor_at_5_deg(law: photometry.Law) -> float:
-    """I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
+def compute_radiance_factor_at_5_deg(law: photometry.Law) -> float:
+    """Compute I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
     return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
 
 
-def opposition_effect(law: photometry.Law) -> float:
-    """Increase of I/F of ground that is lit along its normal, from an emission and phase angle of 5° to 0°."""
+def compute_opposition_effect(law: photometry.Law) -> float:
+    """Compute the increase of I/F from an emission and phase angle of 5° to 0°, as a share, for ground that is lit
+    along its normal."""
     five, none = law(np.zeros(2), np.radians([5.0, 0.0]), np.zeros(2))
     return float(none / five - 1)
 
 
-def albedo_without_surge(law: photometry.Law) -> float:
-    """Geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
+def compute_albedo_without_surge(law: photometry.Law) -> float:
+    """Compute the geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
     phases = np.linspace(1.5, 12.0, 8)
     magnitudes = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     return float(10 ** (-0.4 * np.polyfit(phases, magnitudes, 1)[1]))
 
 
 def _make_europa_rows() -> list[Row]:
-    """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
+    """Make rows of the published numbers of Europa, other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (
-        read_preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
+        read_preset_photometric_law(f"surfaces/hapke_europa_{name}")
+        for name in ("global", "bright_plains", "dark_lineae")
     )
     return [
         *_make_surgeless_rows(whole),
@@ -231,9 +233,9 @@ def _make_europa_rows() -> list[Row]:
 
 
 def _make_surgeless_rows(whole: photometry.Law) -> list[Row]:
-    """Europa's geometric albedo where it is seen without the narrow surge, and in blue light."""
+    """Make rows of Europa's geometric albedo without the narrow surge, and in blue light."""
     colour, error = read_europa_over_green(470.0)
-    extrapolated = albedo_without_surge(whole)
+    extrapolated = compute_albedo_without_surge(whole)
     return [
         Row(
             "`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°",
@@ -292,11 +294,11 @@ def _make_phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
 
 
 def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
-    """Brightness and slope of Europa's terrains near zero phase."""
+    """Make rows of the brightness and slope of Europa's terrains near zero phase."""
     return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
-            opposition_effect(plains) / opposition_effect(whole),
+            compute_opposition_effect(plains) / compute_opposition_effect(whole),
             1.5,
             0.1,
             f"{_HELFENSTEIN}: about 1.5 times what was known before; the error is a guess",
@@ -304,7 +306,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
         ),
         Row(
             "`hapke_europa_dark_lineae`, I/F at emission and phase 5°",
-            radiance_factor_at_5_deg(dark),
+            compute_radiance_factor_at_5_deg(dark),
             0.17,
             0.005,
             f"{_HELFENSTEIN}, 0.56 µm",
@@ -312,7 +314,7 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
         ),
         Row(
             "`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(dark) / opposition_effect(plains),
+            compute_opposition_effect(dark) / compute_opposition_effect(plains),
             3.0,
             1.0,
             f"{_HELFENSTEIN}: up to four times for the darkest spots, by shadow hiding; taken as 2 to 4",
@@ -321,14 +323,14 @@ def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: p
 
 
 def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
-    """Rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
-    law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
-    mixed = (1 - share) * radiance_factor_at_5_deg(plains) + share * radiance_factor_at_5_deg(dark)
+    """Make rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
+    law, preset = read_preset_photometric_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
+    mixed = (1 - share) * compute_radiance_factor_at_5_deg(plains) + share * compute_radiance_factor_at_5_deg(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
     return [
         Row(
             f"{preset}, I/F at emission and phase 5°",
-            radiance_factor_at_5_deg(law),
+            compute_radiance_factor_at_5_deg(law),
             mixed,
             0.003,
             f"no measurement: "
@@ -338,7 +340,7 @@ def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: phot
         ),
         Row(
             f"{preset}, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(law) / opposition_effect(plains),
+            compute_opposition_effect(law) / compute_opposition_effect(plains),
             2.5,
             1.5,
             f"{_HELFENSTEIN}: between bright icy terrains, 1, and the darkest spots, up to 4",
@@ -356,8 +358,9 @@ def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: phot
 
 
 def _make_lunar_rows() -> list[Row]:
-    """The Moon's phase curve, without any fit; from 30° on, as the curve has no surge below that."""
-    law = read_preset_law("surfaces/hapke_lunar_like")
+    """Make rows of the Moon's phase curve, without any fit. They begin at 30°, because the curve has no surge below
+    that."""
+    law = read_preset_photometric_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     theirs = 0.026 * phases + 4e-9 * phases**4

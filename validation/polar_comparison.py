@@ -54,8 +54,8 @@ _MAX_LAMP_ERROR_M = 0.3
 _MAX_DISPARITY_ERROR_PX = 1.0
 #: Least length in metres of a shadow whose tip is compared; shorter ones are lost between ripples of the sand.
 _MIN_SHADOW_M = 0.15
-#: Largest share of the outlined rocks without a scan: twice what terrain 04 has, whose 28 numbered rocks were all
-#: scanned and have a share of 3.6 % each in the mean.
+#: Largest share of the outlined rocks without a scan. It is twice the share on terrain 04, whose 28 numbered rocks were
+#: all scanned and have a mean share of 3.6 % each.
 _MAX_UNSCANNED_SHARE = 0.02
 #: Largest share of a photograph that may be shadow of the sand alone.
 _MAX_SAND_SHADOW_SHARE = 0.005
@@ -81,7 +81,7 @@ class Rebuilt:
 
 
 def compare_terrains(bench: Bench) -> list[Row]:
-    """The rows of every terrain in the folder. Raises IcyMoonError without a usable folder."""
+    """Make the rows of every terrain in the folder. Raises IcyMoonError without a usable folder."""
     if bench.polar is None:
         raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {DATA_ADVICE}.")
     terrains = read_terrains(bench.polar)
@@ -106,7 +106,7 @@ def _compare_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
 
 
 def judge_terrain(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[Row]:
-    """The rows of a rebuilt terrain, from the masks of its twins."""
+    """Make the rows of a rebuilt terrain from the masks of its twins."""
     terrain, camera, sand, lamps = built.terrain, built.camera, built.sand, built.lamps
     return [
         *_make_camera_rows(camera),
@@ -128,14 +128,15 @@ def _render_masks(
     lamps: dict[int, Array],
     left_out: dict[tuple[View, int], LeftOut],
 ) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
-    """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""
+    """Render the masks of every photograph: for each position and azimuth, a stereo pair with the rocks and one without
+    them. Returns the masks by photograph, and our rig by position."""
     columns = _QUICK_COLUMNS if bench.quick else _RENDER_COLUMNS
     frames = {position: find_frame(terrain, camera, sand, position, columns) for position in terrain.positions}
     described, cases = [], []
     for position, frame in frames.items():
         meshes = write_ground(bench.folder / f"terrain{terrain.name}", frame, sand, terrain.rocks)
         azimuths = sorted({azimuth for view, azimuth in terrain.photographs if view.position == position})
-        for kept in (True, False):  # the same ground one after another is built once
+        for kept in (True, False):  # the same ground is built once if its pairs follow each other
             described += [describe_scene(frame, lamps[azimuth], meshes[kept]) for azimuth in azimuths]
             cases += [(position, azimuth, kept) for azimuth in azimuths]
     pairs = dict(zip(cases, bench.render(described), strict=True))
@@ -190,7 +191,7 @@ def _make_lamp_rows(lamps: dict[int, Array]) -> list[Row]:
 
 
 def _make_unscanned_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
-    """The share of the outlined rocks without a scan, which would reveal a missing scan."""
+    """Make rows of the share of outlined rocks without a scan, which would reveal a missing scan."""
     return [
         Row(
             f"outlined rocks without a scan, position {position}: share of the area",
@@ -204,7 +205,8 @@ def _make_unscanned_rows(terrain: Terrain, left_out: dict[tuple[View, int], Left
 
 
 def _make_own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
-    """The share of the sand that is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
+    """Make rows of the share of sand that is dark without rocks, because fitted hollows must not cast the shadows of
+    the photographs."""
     return [
         Row(
             f"shadow of the sand without rocks, position {position}: largest share of a photograph",
@@ -274,7 +276,7 @@ def _make_overlap_rows(
 
 
 def _make_shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
-    """Lengths of shadows along the light, in the photographs of the right eyes."""
+    """Make rows of the lengths of shadows along the light, in the photographs of the right eyes."""
     reaches = _measure_reaches(terrain, camera, sand, lamps)
     errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
     if not errors:
@@ -300,7 +302,8 @@ _Reaches = dict[tuple[View, int, int], float]
 
 
 def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> _Reaches:
-    """The lengths of labelled shadows, as shares of the lengths of ours, by view, azimuth and index of the rock."""
+    """Measure the lengths of labelled shadows, as shares of the lengths of ours, by view, azimuth and index of the
+    rock."""
     table, found = HeightTable(sand), {}
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for view, azimuth in terrain.photographs:
@@ -323,7 +326,8 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
 
 
 def _compare_labelled_tips(reaches: _Reaches) -> tuple[float, float]:
-    """Median differences of labelled tips, as shares of lengths: between eyes, between positions; NaN without any."""
+    """Compute the median differences of labelled tips, as shares of their lengths: between the eyes, and between
+    positions. NaN without any."""
     shadows: dict[tuple[int, int], dict[str, list[float]]] = {}
     for (view, azimuth, k), reach in reaches.items():
         shadows.setdefault((azimuth, k), {}).setdefault(view.position, []).append(reach)
@@ -341,9 +345,10 @@ def _median_or_nan(values: list[float]) -> float:
 
 
 def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
-    """The length of a labelled shadow from the foot toward our tip, as a share of the distance; None without one.
+    """Measure the length of a labelled shadow from the foot toward our tip, as a share of the distance between both.
+    None if no shadow is labelled there.
 
-    The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
+    The outline that contains the middle of our shadow counts. Shadows that run into the next one are left out.
     """
     foot, tip = ends
     way = tip - foot
@@ -360,7 +365,7 @@ def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
 
 
 def _make_disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
-    """The disparity of rocks: the outlines of each beside its scan, in pixels of the renders."""
+    """Make rows of the disparity of rocks: their outlines beside their scans, in pixels of the renders."""
     rows = []
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for position, frame in frames.items():

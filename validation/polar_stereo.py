@@ -30,9 +30,9 @@ from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
 from .polar.scene import Frame, Masks
 
 METHODS = ("bm", "sgbm", "sgbm_wls", "icynet")
-#: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
+#: Largest difference between the shares of wrong or missing pixels in the twin and in the photograph.
 _MAX_SHARE_DIFFERENCE = 0.1
-#: A pixel is judged if it is at least this many pixels inside an outline.
+#: Least distance in pixels from an outline, inside it, of a judged pixel.
 _INSET_PX = 2
 #: Least number of judged pixels of a pair.
 _FEWEST_JUDGED_PX = 100
@@ -45,7 +45,7 @@ _WHY_NO_PHOTOGRAPHS = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
 def judge_stereo(
     terrain: Terrain, camera: Calibration, frames: Mapping[str, Frame], masks: Mapping[tuple[View, int], Masks]
 ) -> list[Row]:
-    """The rows of the matchers that can run here: mean shares of wrong or missing pixels, and the interval of the
+    """Make the rows of the matchers that can run here: mean shares of wrong or missing pixels, and the interval of the
     typical difference."""
     methods = [method for method in METHODS if _can_run(method)]
     shares = []
@@ -71,7 +71,7 @@ def judge_stereo(
 
 
 def _can_run(method: str) -> bool:
-    """Whether the libraries of a matcher are installed."""
+    """Return whether the libraries of a matcher are installed."""
     try:
         check_options(method, {})
     except IcyMoonError:
@@ -80,7 +80,7 @@ def _can_run(method: str) -> bool:
 
 
 def _make_share_rows(methods: Sequence[str], shares: Array) -> list[Row]:
-    """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
+    """Make rows from shares (pairs, 2, methods) of wrong or missing pixels, first of photographs, then of twins."""
     count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {format_count(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
     rows = []
@@ -112,7 +112,8 @@ def _measure_shares(
     masks: Mapping[str, Masks],
     eyes: Mapping[str, tuple[View, int]],
 ) -> Array | None:
-    """Shares (2, methods) of wrong or missing pixels of a photographed pair and of its twin; None if too few count."""
+    """Measure the shares (2, methods) of wrong or missing pixels in a photographed pair and in its twin; None if too
+    few pixels count."""
     rig = StereoCamera(*frame.size, frame.focal_px, -float(frame.corner[0]), -float(frame.corner[1]), frame.baseline_m)
     left, right = (masks[eye].twin.depth for eye in EYES)
     truth = rig.disparity(left)
@@ -154,7 +155,7 @@ def _read_photograph(terrain: Terrain, at: tuple[View, int]) -> Array:
 
 
 def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
-    """A photograph (H, W) resampled to our rig, each pixel the mean of its part of the photograph."""
+    """Resample a photograph (H, W) to our rig. Each pixel is the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
         np.meshgrid(

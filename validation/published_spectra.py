@@ -12,8 +12,8 @@ import numpy as np
 WAVELENGTHS_NM = (400.0, 460.0, 470.0, 550.0, 620.0, 700.0)
 GREEN_INDEX = WAVELENGTHS_NM.index(550.0)
 
-#: Europa's trailing hemisphere: albedo from Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442; and
-#: reflectance, relative to about 700 nm, from the archive of planetary spectra of the USGS.
+#: Europa's trailing hemisphere: albedo by Spencer 1999, from Madden and Kaltenegger 2018, arXiv 1807.11442; and
+#: reflectance relative to about 700 nm, from the USGS's archive of planetary spectra.
 EUROPA_TRAILING = np.array(
     [[0.4506, 0.5094, 0.5278, 0.6110, 0.6307, 0.6394], [0.4674, 0.6731, 0.7026, 0.8459, 0.9425, 1.0066]]
 )
@@ -36,7 +36,8 @@ SNOW_SOURCE = "Khuller et al. 2021, doi 10.1029/2021JE006910: another program, w
 
 
 def read_europa_over_green(wavelength_nm: float) -> tuple[float, float]:
-    """Europa's trailing hemisphere over its reflectance at 550 nm: mean and half the difference of both spectra."""
+    """Read the reflectance of Europa's trailing hemisphere, divided by its reflectance at 550 nm: the mean and half the
+    difference of both spectra."""
     column = WAVELENGTHS_NM.index(wavelength_nm)
     one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN_INDEX]
     return float((one + other) / 2), float(abs(one - other) / 2)

@@ -44,7 +44,7 @@ _RENDER_TIMEOUT_S = 1800.0
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of the comparison: its changes of the common settings, its number of bounces and its light paths per
+    """A scene of the comparison: its changes of the common settings, its number of bounces, and its light paths per
     pixel.
 
     With ``flat``, it takes the ground of the previous scene as facets that share no vertex, so both renderers shade it
@@ -90,7 +90,7 @@ _DEFAULT: Mapping[str, Mapping[str, Any]] = {
     "mesh": {"edge_px": 8.0, "error_px": 1.0},
     **_LOW,
 }
-#: How a law that is no Lambert's is made in Cycles, and the name of that in scenes.
+#: Ways in which Cycles renders a law other than Lambert's, and their names in scenes.
 _BACKEND_NAMES = {"OSL": "OSL", "NODES": "nodes"}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
@@ -146,7 +146,7 @@ SCENES = (
 
 
 def describe_scene(scene: Scene) -> Settings:
-    """The complete settings of a scene."""
+    """Return the complete settings of a scene."""
     common = {
         "surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0},
         "terrain": {"rms_slope_deg": 10.0, "size_m": 20.0, "inner_scale_m": 0.4},
@@ -183,7 +183,7 @@ def _describe_facets(scene: Scene, mesh: Path) -> Settings:
 
 
 def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
-    """Radiance (H, W) and depth (H, W) of an exported scene, rendered in a separate process.
+    """Render an exported scene in a separate process. Returns radiance (H, W) and depth (H, W).
 
     Mitsuba ends its process if it cannot use the LLVM library. Raises IcyMoonError if it is not installed or fails.
     """
@@ -205,7 +205,7 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
 
 
 def average_regions(image: Array) -> Array:
-    """Means (8, 8) of an image whose sides are multiples of 8."""
+    """Average an image, whose sides are multiples of 8, in 8 x 8 regions."""
     rows, columns = image.shape
     return np.asarray(
         image.reshape(
@@ -215,16 +215,15 @@ def average_regions(image: Array) -> Array:
 
 
 def measure_edge_shift_px(one: Array, other: Array) -> float:
-    """Mean distance in pixels between the edges of two masks: the area between them over the length of the edges.
-
-    0 where there are no edges.
-    """
+    """Measure the mean distance in pixels between the edges of two masks: the area between them divided by the length
+    of the first mask's edges. 0 without edges."""
     length = sum(int(np.count_nonzero(np.diff(one.astype(np.int8), axis=axis))) for axis in (0, 1))
     return float(np.count_nonzero(one != other) / length) if length else 0.0
 
 
 def draw_twins(ours: Array, theirs: Array) -> Array:
-    """A picture (H, 3 W, 3), uint8: both images, and their ratio: grey where equal, red where ours is 10 % brighter."""
+    """Draw a picture (H, 3 W, 3), uint8: both images and their ratio, grey where they are equal, red where ours is 10 %
+    brighter."""
     white = max(float(np.quantile(theirs, 0.99)), 1e-30)
     shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
     apart = np.clip((ours - theirs) / np.maximum(theirs, _DARK_REGION_SHARE * theirs.mean()) / 0.1, -1, 1)[..., None]
@@ -233,7 +232,8 @@ def draw_twins(ours: Array, theirs: Array) -> Array:
 
 
 def _compare_regions(ours: Array, theirs: Array) -> tuple[float, float, str]:
-    """Of the regions of two images: RMS and largest relative difference, and where it is."""
+    """Compare the regions of two images. Returns the RMS and the largest relative difference, and the name of the
+    region with the largest."""
     here, there = average_regions(ours), average_regions(theirs)
     difference = (here - there) / np.maximum(there, _DARK_REGION_SHARE * there.mean())
     worst = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
@@ -245,13 +245,13 @@ def _compare_regions(ours: Array, theirs: Array) -> tuple[float, float, str]:
 
 
 def _make_scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
-    """Rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
+    """Make the rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
     rms, largest, where = _compare_regions(ours, theirs)
     both = ~np.isnan(seen) & ~np.isnan(depth)
     apart = np.abs(seen[both] / depth[both] - 1)
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
     allowed = _BOUNCED_TOLERANCE if scene.bounces else _DIRECT_TOLERANCE
-    source = f"Mitsuba 3, {scene.samples} samples, the exported scene"
+    source = f"Mitsuba 3 rendered the exported scene with {scene.samples} samples per pixel"
     found = [
         Row(
             f"{scene.name}: mean radiance over Mitsuba's",
@@ -286,7 +286,7 @@ def _make_scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, dept
 
 
 def _make_backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
-    """OSL beside nodes, in scenes that differ only in the implementation of their law."""
+    """Make rows of OSL beside nodes, in scenes that differ only in the implementation of their law."""
     rows = []
     for name in radiance:
         if (twin := name.replace("by OSL", "by nodes")) != name:
@@ -296,7 +296,7 @@ def _make_backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
 
 
 def _export_all(bench: Bench) -> Iterator[tuple[Scene, Pair, Path]]:
-    """Scenes with their pairs and exports, in order."""
+    """Yield the scenes with their pairs and exports, in order."""
     from ..stereo.export.mitsuba import export_mitsuba  # which needs OpenCV
 
     smooth = [scene for scene in SCENES if not scene.flat]

@@ -31,7 +31,8 @@ _CELL_RAD = math.radians(10.0)
 
 
 def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
-    """(Incidence, emission, azimuth) (3, n) and radiance factor over cos i (n) of each image's pixels in range."""
+    """Yield the angles (3, n) and the radiance factors (n,), divided by cos i, of each image's pixels in range. The
+    angles are incidence i, emission and azimuth."""
     for image in images:
         side = np.abs(np.sin(image.azimuth))
         with np.errstate(invalid="ignore"):
@@ -45,7 +46,8 @@ def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
 
 
 def _measure_errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
-    """Relative differences from the snow law, as means over cells of 10 degrees of each angle, and middles (3, n)."""
+    """Measure the relative differences (n,) from the snow law, as means over cells of 10 degrees of each angle. Also
+    return the middles (3, n) of the cells."""
     angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_collect_samples(images), strict=True))
     law = snow.reflectance_factor(angles[0], angles[1], angles[2], albedo)
     cells, which = np.unique((angles // _CELL_RAD).astype(int), axis=1, return_inverse=True)
@@ -84,8 +86,9 @@ def _describe_surface(model: str, albedo: float, **changes: object) -> Settings:
     )
 
 
-def lambert_errors() -> tuple[Array, Array]:
-    """Relative differences of a white Lambert surface from measured snow on a grid of 5 degrees, and the angles."""
+def compute_lambert_errors() -> tuple[Array, Array]:
+    """Compute the relative differences of a white Lambert surface from measured snow, on a grid of 5 degrees in
+    incidence and emission and 10 degrees in azimuth. Also return the angles (3, n)."""
     i, e, azimuth = (
         axis.ravel()
         for axis in np.radians(
@@ -123,7 +126,7 @@ def _compare_snow(bench: Bench) -> list[Row]:
     )
     rows = _make_rows(
         "Lambert's law, albedo 1, by the formula",
-        *lambert_errors(),
+        *compute_lambert_errors(),
         0.05,
         "it is no snow of ours; it shows how far a law without a phase function is off",
     )

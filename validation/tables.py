@@ -15,12 +15,12 @@ _COLUMN_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdi
 
 
 def format_number(value: float) -> str:
-    """A number with four significant digits."""
+    """Format a number with four significant digits."""
     return f"{value:.4g}"
 
 
 def make_row_cells(row: Row) -> tuple[str, ...]:
-    """The cells of a row in a table, without its source and its note."""
+    """Make the cells of a row in a table, without its source and its note."""
     unit = f" {row.unit}" if row.unit else ""
     return (
         row.quantity,
@@ -33,12 +33,12 @@ def make_row_cells(row: Row) -> tuple[str, ...]:
 
 
 def list_row_notes(rows: Sequence[Row]) -> list[str]:
-    """The causes of rows that fail and the reasons of rows that are not judged, each once."""
+    """List the causes of rows that fail, and the reasons of rows that are not judged, each once."""
     return list(dict.fromkeys(row.note for row in rows if row.note))
 
 
 def list_sources(rows: Sequence[Row]) -> list[str]:
-    """The sources of the rows, each once."""
+    """List the sources of the rows, each once."""
     return list(dict.fromkeys(row.source for row in rows))
 
 
@@ -56,7 +56,7 @@ def summarise_result(result: Result) -> str:
 
 
 def make_markdown_section(result: Result) -> str:
-    """The section of a comparison on the page, without values that differ from run to run."""
+    """Make the section of a comparison on the page, without values that differ from run to run."""
     comparison = result.comparison
     command = f"`{comparison.command}`"
     lines = [f"## {comparison.title}", "", *_wrap_text(comparison.text), "", command, ""]
@@ -78,7 +78,7 @@ def make_markdown_section(result: Result) -> str:
 
 
 def _wrap_text(text: str) -> list[str]:
-    """The lines of a text whose own lines are paragraphs, items of lists or empty."""
+    """Wrap a text whose own lines are paragraphs, items of lists or empty."""
     lines = []
     for part in map(str.strip, text.split("\n")):
         indent = "    " if re.match(r"(\*|\d+\.) ", part) else ""
@@ -100,7 +100,7 @@ def replace_sections(page: str, results: Sequence[Result]) -> str:
 
 
 def _find_section(page: str, comparison: Comparison) -> tuple[int, int] | None:
-    """The start and the end of the section of a comparison, if the page has one."""
+    """Find the start and the end of a comparison's section, if the page has one."""
     head = f"## {comparison.title}\n"
     start = 0 if page.startswith(head) else page.find(f"\n{head}") + 1
     if not page.startswith(head, start):

@@ -12,13 +12,13 @@ from ..settings.preset_files import load_preset
 from ..settings.topics.scene import Settings
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
-from .moon_albedos import read_preset_law
+from .moon_albedos import read_preset_photometric_law
 
 PRESETS = ("hapke_enceladus_global", "hapke_europa_global", "hapke_lunar_like")
 _PHASES_DEG = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
 #: Phase angles in degrees of a quick run; five still give a quadratic fit.
 _QUICK_PHASES_DEG = (0.0, 10.0, 40.0, 80.0, 120.0)
-#: In radii: the disc then spans phase angles of 0.011 degrees.
+#: Distance of the camera in radii of the ball; the disc then spans phase angles of 0.011 degrees.
 _CAMERA_DISTANCE_RADII = 10000.0
 _TOLERANCE = 0.005
 _SOURCE = "integral of the formula in double precision"
@@ -29,7 +29,8 @@ def _fit_equigonal_albedo(factors: list[float], phases_deg: list[float]) -> floa
 
 
 def _measure_mirror_point(image: BallImage) -> float:
-    """I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of it.
+    """Measure I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of
+    this point.
 
     The mean over a small round patch differs from the value at its middle by the curvature of the law there, 1e-3 of
     it.
@@ -42,12 +43,15 @@ def _measure_mirror_point(image: BallImage) -> float:
 
 
 def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
-    law, name = read_preset_law(f"surfaces/{preset}"), f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}"
+    law, name = (
+        read_preset_photometric_law(f"surfaces/{preset}"),
+        f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}",
+    )
     phases = np.array([image.phase for image in images])
     formula = photometry.disc_brightness(law, phases)
     ratio = np.array([image.brightness for image in images]) / formula
     worst = int(np.argmax(np.abs(ratio - 1)))
-    # The rendered curve between its phase angles: the formula's, times the ratio of both.
+    # Between its phase angles, the rendered curve is the formula's curve times the ratio of both.
     alpha = np.linspace(0.0, np.pi, 721)
     curve = photometry.disc_brightness(law, alpha) * np.interp(alpha, phases, ratio)
     bond = float(np.trapz(2 * curve * np.sin(alpha), alpha))
@@ -76,7 +80,7 @@ def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
-    """A surface preset's settings, without the rest of its scene."""
+    """Return a surface preset's settings, without the rest of its scene."""
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from icymoon.physics.surfaces import photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from icymoon.support.arrays import Array
-from icymoon.validation.moon_albedos import opposition_effect, radiance_factor_at_5_deg
+from icymoon.validation.moon_albedos import compute_opposition_effect, compute_radiance_factor_at_5_deg
 
 #: Geometric and equigonal albedo: Verbiscer et al. 2007, as others quote it; Filacchione et al. 2022.
 MOONS = {"Mimas": (0.962, 0.63), "Tethys": (1.229, 0.74), "Dione": (0.998, 0.65), "Rhea": (0.949, 0.60)}
@@ -89,18 +89,18 @@ def make_europa_law(w: float, b_s0: float) -> photometry.Law:
 
 def fit_europa() -> None:
     """Print Europa's terrains."""
-    wanted = 1.5 * opposition_effect(make_europa_law(0.964, 0.5))
+    wanted = 1.5 * compute_opposition_effect(make_europa_law(0.964, 0.5))
     found = {
         "bright plains": solve(
             lambda w, surge: (
                 photometry.bond_albedo(make_europa_law(w, surge)) - 0.68,
-                opposition_effect(make_europa_law(w, surge)) - wanted,
+                compute_opposition_effect(make_europa_law(w, surge)) - wanted,
             )
         )
     }
     surge, plains, dark = (
         found["bright plains"][1],
-        radiance_factor_at_5_deg(make_europa_law(*found["bright plains"])),
+        compute_radiance_factor_at_5_deg(make_europa_law(*found["bright plains"])),
         0.17,
     )
     for name, amplitude, share in (("dark lineae", 1.0, 1.0), ("ridges", surge, 0.25), ("bands", surge, 0.5)):
@@ -110,14 +110,15 @@ def fit_europa() -> None:
             middle = (low + high) / 2
             low, high = (
                 (middle, high)
-                if radiance_factor_at_5_deg(make_europa_law(middle, amplitude)) < mixed
+                if compute_radiance_factor_at_5_deg(make_europa_law(middle, amplitude)) < mixed
                 else (low, middle)
             )
         found[name] = low, amplitude
     for name, (w, amplitude) in found.items():
         law = make_europa_law(w, amplitude)
         print(
-            f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {radiance_factor_at_5_deg(law):.4f}  "
+            f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   "
+            f"I/F at 5° {compute_radiance_factor_at_5_deg(law):.4f}  "
             f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}",
             flush=True,
         )

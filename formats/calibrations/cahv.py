@@ -42,7 +42,7 @@ def _camera(model: Cahvor, name: str) -> CalibratedCamera:
 
 
 def why_not_cahv(camera: CalibratedCamera) -> str:
-    """A phrase on why CAHVORE cannot store a camera; empty if it can."""
+    """Return a phrase on why CAHVORE cannot store a camera; empty if it can."""
     return describe_skew(camera) if convert_to_cahvore(camera) else f"no lens equal to {camera.lens.name}"
 
 
@@ -56,8 +56,8 @@ def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
-    """Find the model that equals a camera, or is fitted to its lens of Brown and Conrady. Raises IcyMoonError without
-    such a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
+    """Find the model that equals a camera, or that is fitted to its lens of Brown and Conrady. Raises IcyMoonError
+    without such a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
     lens = camera.lens
     if (
         isinstance(lens, Brown)
@@ -74,7 +74,7 @@ def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
 
 
 def to_cahv_model(camera: CalibratedCamera) -> Cahvor:
-    """The CAHV, CAHVOR or CAHVORE model of a camera with such a lens, see ``why_not_cahv``."""
+    """Convert a camera to its CAHV, CAHVOR or CAHVORE model, if its lens has one, see ``why_not_cahv``."""
     camera = convert_to_cahvore(camera) or camera
     right, down, a = camera.rotation
     h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a

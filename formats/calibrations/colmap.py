@@ -66,7 +66,7 @@ _Image = tuple[int, list[float], int, str]
 
 
 def _camera(model: str, width: int, height: int, p: list[float]) -> CalibratedCamera:
-    """A camera of COLMAP's model and parameters."""
+    """Make a camera from COLMAP's model and parameters."""
     if model not in _MODELS:
         raise RefusedError(f"has the camera model {quote(model)}; run COLMAP with one of {', '.join(_MODELS)}.")
     if len(p) != _PARAMETER_COUNTS[_MODELS.index(model)]:
@@ -95,7 +95,7 @@ def _cameras_of_text(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
 
 
 def _images_of_text(foreign: ForeignBytes) -> list[_Image]:
-    """The images of a text. Every second line states the points of an image, and may be empty."""
+    """Parse the images of a text. Every second line states the points of an image, and may be empty."""
     found: list[_Image] = []
     is_points = False
     for number, line in foreign.lines(longest=2**24):
@@ -137,7 +137,7 @@ def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
 
 
 def why_not_colmap(camera: CalibratedCamera) -> str:
-    """A phrase on why COLMAP cannot store a camera; empty if it can."""
+    """Return a phrase on why COLMAP cannot store a camera; empty if it can."""
     return find_why_no_opencv_lens(camera, 8)
 
 

@@ -36,10 +36,10 @@ from ..toml_lines import Place
 from .options import LENSES, UNITS_M, Stated
 from .registry import read_calibration
 
-#: Bytes of the file at most.
+#: Largest file in bytes.
 _MAX_BYTES = 2**20
 _FIX = "give a file with [[camera]] tables"
-#: Most columns or rows that Blender renders.
+#: Largest number of columns or rows that Blender renders.
 _MAX_PX = 16384
 #: Longest name of a camera; names are used as file names and in tables.
 _LONGEST_NAME = 40
@@ -62,7 +62,7 @@ _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
 
 @dataclass(frozen=True)
 class Head:
-    """The cameras of a file, and the files that they come from: itself, and the calibrations that it names."""
+    """The cameras of a file, and the files that they come from: the file itself, and the calibrations that it names."""
 
     cameras: tuple[HeadCamera, ...]
     files: tuple[Path, ...]
@@ -80,8 +80,8 @@ def _name_keys(sentence: str) -> str:
 
 
 def list_head_files(path: Path) -> list[Path]:
-    """List a head's file and the calibrations that it names; the file alone if it is no head: ``read_head`` reports
-    it."""
+    """List a head's file and the calibrations that it names. If the file is no head, list it alone, because
+    ``read_head`` reports the fault."""
     try:
         return list(read_head(path).files)
     except IcyMoonError:
@@ -129,7 +129,7 @@ class _Entry:
         self.files: list[Path] = []
 
     def make(self) -> HeadCamera:
-        """The camera. Raises IcyMoonError with its line."""
+        """Make the camera. Raises IcyMoonError with its line."""
         name, model = self._name(), self._choice("model", _MODELS, None)
         keys, make_projection = _MODELS[model]
         if unknown := sorted(self._table.keys() - {*_ANYWHERE, *keys}):
@@ -170,7 +170,7 @@ class _Entry:
         return made
 
     def calibrated(self) -> Projection:
-        """The camera of a calibration file, in the axes of the first camera of that file."""
+        """Read the camera from a calibration file, in the axes of the first camera of that file."""
         file = self._place.file.parent / parse_path(self._text("calibration"), str(self._place.at("calibration")))
         self.files.append(file)
         sizes = (self._size(),) if self._table.keys() & {*_SIZE} else ()
@@ -210,7 +210,7 @@ class _Entry:
         return self._turn(frame), position
 
     def _turn(self, frame: str) -> Array:
-        """The rotation that ``forward`` and ``up`` state."""
+        """Return the rotation that ``forward`` and ``up`` state."""
         default = _AHEAD[frame]
         forward, up = (self._vector(key, 3, each) for key, each in zip(("forward", "up"), default, strict=True))
         right = np.cross(forward, up)

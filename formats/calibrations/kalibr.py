@@ -86,7 +86,7 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
 
 
 def why_not_kalibr(camera: CalibratedCamera) -> str:
-    """A phrase on why Kalibr cannot store a camera; empty if it can."""
+    """Return a phrase on why Kalibr cannot store a camera; empty if it can."""
     return find_why_no_opencv_lens(camera, 4)
 
 

@@ -81,7 +81,7 @@ def _parse(foreign: ForeignBytes) -> CalibratedCamera:
 
 
 def _lens(name: str, numbers: list[float]) -> LensModel:
-    """The lens of a model of mrcal; ``numbers`` follow fx, fy, cx, cy."""
+    """Make the lens of a model of mrcal; ``numbers`` follow fx, fy, cx, cy."""
     if name.startswith(_CAHVORE_PREFIX):
         linearity = float(name.removeprefix(_CAHVORE_PREFIX)[:20])
         if len(numbers) != 8:
@@ -100,12 +100,12 @@ def _lens(name: str, numbers: list[float]) -> LensModel:
 
 
 def _axis(alpha: float, beta: float) -> tuple[float, ...]:
-    """The optical axis of two angles in rad."""
+    """Return the optical axis for two angles in rad."""
     return math.sin(alpha) * math.cos(beta), math.sin(beta), math.cos(alpha) * math.cos(beta)
 
 
 def why_not_mrcal(camera: CalibratedCamera) -> str:
-    """A phrase on why mrcal cannot store a camera; empty if it can."""
+    """Return a phrase on why mrcal cannot store a camera; empty if it can."""
     return (
         describe_skew(camera)
         if convert_to_brown(camera) or convert_to_cahvore(camera)

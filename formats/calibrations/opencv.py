@@ -57,7 +57,7 @@ _LENS_MODELS = dict(zip(LENSES, (Brown, Fisheye), strict=True))
 
 
 def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
-    """Read a calibration of one camera or of two, from one file, or from one of intrinsics and one of extrinsics."""
+    """Read a calibration of one camera or of two. It is one file, or one of intrinsics and one of extrinsics."""
     found: dict[str, Any] = {}
     for path in paths:
         content = read(path, _parse, _KIND, _FIX, MAX_BYTES)
@@ -70,20 +70,20 @@ def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
 
 
 def _parse(foreign: ForeignBytes) -> dict[str, Any]:
-    """The keys and values of a file that belong to a calibration."""
+    """Parse the keys and values of a file that belong to a calibration."""
     if foreign.part(0, min(4, foreign.size)) == b"PK\x03\x04":
         arrays = parse_npz(foreign, kinds="fiubU")
         return {key: value.tolist() for key, value in arrays.items() if value.size <= 10_000}
     text = foreign.text()
     if text.lstrip().startswith("<"):
         foreign.budget.charge(16 * len(text), "numbers")
-        return {each.tag: _of_element(each) for each in parse_xml(text, foreign.budget)}
+        return {each.tag: _read_element(each) for each in parse_xml(text, foreign.budget)}
     foreign.budget.charge(32 * len(text), "numbers")
     return parse_json(text) if text.lstrip().startswith("{") else parse_yaml(text)
 
 
-def _of_element(element: Element) -> Any:
-    """The value of a FileStorage element: a mapping of its children, a number, several numbers, or a text."""
+def _read_element(element: Element) -> Any:
+    """Return the value of a FileStorage element: a mapping of its children, a number, several numbers, or a text."""
     if len(element):
         return {each.tag: each.text or "" for each in element}
     words = (element.text or "").split()
@@ -95,7 +95,8 @@ def _of_element(element: Element) -> Any:
 
 
 def _array(value: Any, name: str) -> Array:
-    """The flat array of a FileStorage matrix, or of lists of numbers. OpenCV 5 writes a vector with its ``sizes``."""
+    """Return the flat array of a FileStorage matrix, or of lists of numbers. OpenCV 5 writes a vector with its
+    ``sizes``."""
     if not isinstance(value, dict):
         return to_number_array(value, name)
     data = value.get("data")
@@ -110,7 +111,7 @@ def _array(value: Any, name: str) -> Array:
 
 
 def _find(found: Mapping[str, Any], key: str, side: int | None) -> tuple[str, Any]:
-    """The name and the value of a key, for a ``side`` or without one; an empty name if the key is absent."""
+    """Find the name and the value of a key, for a ``side`` or without one; an empty name if the key is absent."""
     for name, value in found.items():
         plain = name.replace("_", "").replace(".", "").lower()
         if side is None:
@@ -220,7 +221,7 @@ def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[i
 
 
 def why_not_opencv(camera: CalibratedCamera) -> str:
-    """A phrase on why OpenCV cannot store a camera; empty if it can. OpenCV's fisheye has skew."""
+    """Return a phrase on why OpenCV cannot store a camera; empty if it can. OpenCV's fisheye has skew."""
     lacks = find_why_no_opencv_lens(camera, 12)
     return "" if isinstance(camera.lens, Fisheye) else lacks
 

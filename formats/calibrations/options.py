@@ -30,7 +30,7 @@ _MAX_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Stated:
-    """Options of the user for facts that a file may omit: the ``unit`` of lengths, the ``sizes`` of the images of each
+    """The user's options for facts that a file may omit: the ``unit`` of lengths, the ``sizes`` of the images of each
     camera (or one for all), and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
@@ -38,7 +38,7 @@ class Stated:
     lens: str | None = None
 
     def unit_m(self, default: str = "m") -> float:
-        """Metres per unit of lengths; ``default`` names the unit if the user stated none."""
+        """Return the metres per unit of lengths; ``default`` names the unit if the user stated none."""
         return UNITS_M[self.unit or default]
 
     def size(self, number: int) -> tuple[int, int] | None:
@@ -48,14 +48,14 @@ class Stated:
 
 @dataclass(frozen=True)
 class Reading:
-    """The rig of a calibration, and sentences on assumptions."""
+    """The rig of a calibration, and sentences on the assumptions made."""
 
     rig: CalibratedRig
     notes: tuple[str, ...] = ()
 
 
 def convert_to_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with an equal lens of Brown and Conrady; None if there is no equal lens."""
+    """Return the same camera with an equivalent lens of Brown and Conrady; None if no such lens is equivalent."""
     lens = camera.lens
     if isinstance(lens, Brown):
         return camera
@@ -69,7 +69,8 @@ def convert_to_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 
 def convert_to_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with an equal fisheye lens of Kannala and Brandt; None if there is no equal lens."""
+    """Return the same camera with an equivalent fisheye lens of Kannala and Brandt; None if no such lens is
+    equivalent."""
     lens = camera.lens
     if isinstance(lens, Fisheye):
         return camera
@@ -81,7 +82,8 @@ def convert_to_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 
 def convert_to_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with an equal lens of CAHVOR or CAHVORE, or as a pinhole; None if there is no equal lens."""
+    """Return the same camera with an equivalent lens of CAHVOR or CAHVORE, or as a pinhole; None if no such lens is
+    equivalent."""
     lens = camera.lens
     if isinstance(lens, Cahvore):
         return camera
@@ -96,12 +98,13 @@ def convert_to_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 
 def _is_along(lens: Cahvore) -> bool:
-    """Whether the optical axis of the distortion is the camera's."""
+    """Return whether the optical axis of the distortion is the camera's."""
     return abs(lens.axis[0]) < _MAX_ROUNDING and abs(lens.axis[1]) < _MAX_ROUNDING
 
 
 def to_opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
-    """The same camera with an equal lens of OpenCV, and that lens. Raises ValueError if there is no equal lens."""
+    """Return the same camera with an equivalent lens of OpenCV, and that lens. Raises ValueError if no lens of OpenCV
+    is equivalent."""
     same = convert_to_brown(camera) or convert_to_fisheye(camera)
     if same is None or isinstance(same.lens, Cahvore):
         raise ValueError(f"no lens like {camera.lens.name}")
@@ -109,8 +112,8 @@ def to_opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | 
 
 
 def find_why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
-    """A phrase on why a format without skew, with OpenCV's lenses, cannot store a camera; empty if it can. ``most`` is
-    the largest number of Brown and Conrady's coefficients in the format."""
+    """Return a phrase on why a format with OpenCV's lenses, but without skew, cannot store a camera; empty if it can.
+    ``most`` is the largest number of Brown and Conrady's coefficients in the format."""
     try:
         _, lens = to_opencv_lens(camera)
     except ValueError as error:
@@ -121,13 +124,13 @@ def find_why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
 
 
 def describe_skew(camera: CalibratedCamera) -> str:
-    """A phrase on the skew that a format without skew cannot store; empty for a camera without skew."""
+    """Return a phrase on the skew that a format without skew cannot store; empty for a camera without skew."""
     return f"no skew, which is {camera.skew_px:g} px" if camera.skew_px else ""
 
 
 def make_brown(numbers: Sequence[float]) -> Brown:
-    """The lens of 4, 5, 8, 12 or 14 coefficients in OpenCV's order. Raises ValueError for another number, and for a
-    tilted sensor."""
+    """Make the lens of 4, 5, 8, 12 or 14 coefficients in OpenCV's order. Raises ValueError for another number, and for
+    a tilted sensor."""
     if len(numbers) == 4:
         numbers = [*numbers, 0.0]
     if len(numbers) == 14:
@@ -140,26 +143,26 @@ def make_brown(numbers: Sequence[float]) -> Brown:
 
 
 def to_number_array(value: Any, name: str, *shape: int) -> Array:
-    """Finite numbers of a list, or of lists of equal length, as an array of this shape; flat without a shape. Raises
-    ValueError for other values."""
+    """Convert a list of finite numbers, or lists of equal length, to an array of this shape; flat without a shape.
+    Raises ValueError for other values."""
     try:
         found = np.array(value, np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name} is {quote(value)}, not numbers") from None
     if found.size > 10_000 or not np.isfinite(found).all():
-        raise ValueError(f"{name} has a number that is not finite, or too many of them")
+        raise ValueError(f"{name} has a number that is not finite, or too many numbers")
     if shape and found.size != math.prod(shape):
         raise ValueError(f"{name} has {found.size} numbers, not {' x '.join(map(str, shape))}")
     return found.reshape(shape) if shape else found.ravel()
 
 
 def split_pose(matrix: Array) -> tuple[Array, Array]:
-    """Rotation and translation of a matrix (4, 4). Raises ValueError if its last row is not 0 0 0 1."""
+    """Split a matrix (4, 4) into rotation and translation. Raises ValueError if its last row is not 0 0 0 1."""
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
         raise ValueError("the last row of its matrix is not 0 0 0 1")
     return matrix[:3, :3], matrix[:3, 3]
 
 
 def format_numbers(numbers: Any) -> str:
-    """A text of numbers with all digits, separated by commas."""
+    """Write numbers with all digits, separated by commas."""
     return ", ".join(map(write_number, np.ravel(numbers)))

@@ -35,7 +35,7 @@ _ROS_PATTERN = re.compile(
 
 @dataclass(frozen=True)
 class Format:
-    """A format of calibrations. ``read`` takes the files and the user's options; ``write`` takes a rig and the files:
+    """A format of calibrations. ``read`` takes the files and the user's options. ``write`` takes a rig and the files:
     one for each camera if ``each``, else one for all, or a folder if ``suffix`` is empty. ``why_not`` returns why the
     format cannot store a camera. ``in_metres`` is true if its lengths are always metres."""
 
@@ -62,8 +62,8 @@ FORMATS = {
 
 
 def format_of(path: Path) -> str:
-    """The format of a file or folder, by its content; an unknown text counts as JPL's. Raises IcyMoonError for an empty
-    file, and for YAML of no known format."""
+    """Detect the format of a file or folder by its content; an unknown text counts as JPL's. Raises IcyMoonError for an
+    empty file, and for YAML of no known format."""
     suffix = path.suffix.lower()
     if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
         return "colmap"
@@ -95,8 +95,8 @@ def _decode_head(foreign: ForeignBytes) -> str:
 
 
 def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str | None = None) -> Reading:  # noqa: B008
-    """Read the cameras of a calibration, from one file or several of one format, and sentences on assumptions. ``name``
-    is a format's name; without it the format is detected.
+    """Read the cameras of a calibration, from one file or several of one format, and sentences on the assumptions made.
+    ``name`` is a format's name; without it the format is detected.
 
     Raises IcyMoonError for a file that is damaged, incomplete or in an unsupported format.
     """
@@ -145,7 +145,7 @@ def _describe_camera_count(count: int) -> str:
 
 
 def _find_doubts(rig: CalibratedRig) -> list[str]:
-    """Sentences on likely faults of a calibration."""
+    """Return sentences on likely faults of a calibration."""
     found = []
     for camera in rig.cameras:
         if not (0 <= camera.cx_px < camera.width_px and 0 <= camera.cy_px < camera.height_px):
@@ -164,7 +164,7 @@ def _find_doubts(rig: CalibratedRig) -> list[str]:
 
 
 def _find_size_doubt(camera: CalibratedCamera) -> str:
-    """A sentence if the principal point fits images of another size; empty if not."""
+    """Return a sentence if the principal point fits images of another size; empty if not."""
     at, size = (camera.cx_px, camera.cy_px), (camera.width_px, camera.height_px)
     if _is_near_middle(at, size):
         return ""
@@ -179,7 +179,7 @@ def _find_size_doubt(camera: CalibratedCamera) -> str:
 
 
 def _is_near_middle(at: tuple[float, float], size: tuple[int, int]) -> bool:
-    """Whether a principal point is as near the middle as in real lenses."""
+    """Return whether a principal point is as near the middle as in real lenses."""
     return all(abs(at[k] - (size[k] - 1) / 2) <= _OFF_MIDDLE * size[k] for k in range(2))
 
 
@@ -204,7 +204,7 @@ def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> N
 
 
 def _list_other_formats(rig: CalibratedRig) -> str:
-    """A clause with other formats that can store the rig."""
+    """Return a clause with other formats that can store the rig."""
     able = [
         name
         for name, kind in FORMATS.items()

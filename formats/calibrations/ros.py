@@ -61,7 +61,7 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
 
 
 def find_position_m(camera: RosCamera) -> Array:
-    """Position (3,) of a camera in the axes of the rectified pair, in metres."""
+    """Find the position (3,), m, of a camera in the axes of the rectified pair."""
     return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
 
@@ -74,7 +74,7 @@ def _camera(ros: RosCamera, name: str) -> CalibratedCamera:
 
 
 def make_ros_pair(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
-    """The first two cameras in ROS' form, rectified by the method of Bouguet and OpenCV.
+    """Convert the first two cameras to ROS' form, rectified by the method of Bouguet and OpenCV.
 
     The rectified images have the mean focal length and principal point of both. A lens that ROS lacks keeps its own
     model name and has no coefficients. Raises ValueError for eyes that are not side by side.
@@ -95,7 +95,7 @@ def make_ros_pair(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
 
 
 def _list_lens_parameters(lens: LensModel) -> tuple[str, tuple[float, ...]]:
-    """The name of a lens model of ROS and its coefficients."""
+    """Return the name of a lens model of ROS, and its coefficients."""
     if isinstance(lens, Fisheye):
         return "equidistant", lens.coefficients
     if not isinstance(lens, Brown):
@@ -105,7 +105,7 @@ def _list_lens_parameters(lens: LensModel) -> tuple[str, tuple[float, ...]]:
 
 
 def why_not_ros(camera: CalibratedCamera) -> str:
-    """A phrase on why ROS cannot store a camera; empty if it can."""
+    """Return a phrase on why ROS cannot store a camera; empty if it can."""
     return find_why_no_opencv_lens(camera, 12)
 
 

@@ -75,7 +75,7 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
 
 
 def why_not_transforms(camera: CalibratedCamera) -> str:
-    """A phrase on why a transforms.json cannot store a camera; empty if it can."""
+    """Return a phrase on why a transforms.json cannot store a camera; empty if it can."""
     return find_why_no_opencv_lens(camera, 5)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...formats.map_frame import MapFrame
-from ...formats.map_heights import MapCover, MapPixels, measure_levels, pixels_from_array, read_cover, read_means
+from ...formats.map_heights import MapCover, MapPixels, convert_array_to_pixels, measure_levels, read_cover, read_means
 from ...formats.map_surroundings import check_reach, find_body_radius_m, find_map_frame, plan_surroundings
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.mesh.blend_maps import BlendedMaps, LevelMeans, blend_maps
@@ -119,7 +119,7 @@ def _hold_pixels(of: MapOfSite) -> MapPixels | None:
     """The pixels of a map that is completely in memory; None for a map that is not."""
     if not of.whole:
         return None
-    return pixels_from_array(of.values, of.surface.pixel_m, of.surface.west_m, of.surface.south_m)
+    return convert_array_to_pixels(of.values, of.surface.pixel_m, of.surface.west_m, of.surface.south_m)
 
 
 def _choose_band_m(covers: list[MapCover], size_m: float) -> float:

@@ -45,7 +45,7 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
 
 
 def make_property(setting: Setting, **other: object) -> object:
-    """A Blender property with the label, tooltip, default and range of a setting that is not a list.
+    """Make a Blender property with the label, tooltip, default and range of a setting that is not a list.
 
     ``other`` are keywords of Blender's property that replace or extend the keywords of the setting.
     """
@@ -73,7 +73,7 @@ def make_property(setting: Setting, **other: object) -> object:
 
 
 def _make_scene_property(topic: str, setting: Setting) -> object:
-    """The property of a setting of the scene, which announces its changes."""
+    """Make the property of a setting of the scene; it announces its changes."""
     if setting.kind != "list":
         return make_property(setting, update=make_update_callback(setting.effect))
     entry = _register_group(
@@ -88,7 +88,7 @@ _classes: list[type] = []
 
 
 def _make_variations() -> object:
-    """The property of the varied settings of a data set, which is stored beside the settings."""
+    """Make the property of the varied settings of a data set, which is stored beside the settings."""
     update = make_update_callback("run")
     tick = _register_group(
         "ICYMOON_PG_tick",
@@ -156,7 +156,7 @@ def _make_variations() -> object:
 
 
 def make_varied_fields(**common: object) -> dict[str, Any]:
-    """The Blender properties of the values of a varied number, for the list and for the dialog."""
+    """Make the Blender properties of the values of a varied number, for the list and for the dialog."""
     ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
     shown = {
         shown_property_name(end, precision): bpy.props.FloatProperty(
@@ -203,18 +203,18 @@ def shown_property_name(end: str, precision: int) -> str:
 
 
 def read_variations(group: bpy.types.PropertyGroup) -> SceneVariations:
-    """The varied settings of a ``Scene.icymoon`` property group, unchecked."""
+    """Read the varied settings of a ``Scene.icymoon`` property group, unchecked."""
     stated = group.variations
     return SceneVariations(tuple(map(read_item, stated.varied)), stated.combine, stated.draws, stated.seeds)
 
 
 def read_item(item: bpy.types.PropertyGroup) -> VariedSetting:
-    """One entry of the list of varied settings, unchecked."""
+    """Read one entry of the list of varied settings, unchecked."""
     return read_varied(item, item.setting, tuple(tick.name for tick in item.ticks if tick.on))
 
 
 def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, ...]) -> VariedSetting:
-    """The varied setting of this name, from properties that ``make_varied_fields`` made."""
+    """Read the varied setting of this name from properties that ``make_varied_fields`` made."""
     topic, _, key = name.partition(".")
     setting = next((s for s in TOPICS[topic].settings if s.key == key), None) if topic in TOPICS else None
     if setting is None or setting.kind not in ("int", "float"):
@@ -227,7 +227,7 @@ def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, .
 
 
 def _shortest_single(value: float) -> float:
-    """A single-precision number of Blender in its shortest spelling."""
+    """Return a single-precision number of Blender in its shortest spelling."""
     return float(str(np.float32(value)))
 
 
@@ -261,7 +261,7 @@ _LIDAR_COLOURS = (
 
 
 def _make_lidar() -> object:
-    """The property of the laser scanner that the window scans with, beside the settings."""
+    """Make the property of the laser scanner with which the window scans, beside the settings."""
     scanners = [(name, read_lidar(LIDARS / f"{name}.toml").title, "") for name in lidar_names()]
     counts = {"min": 0, "max": 100000}
     group = _register_group(
@@ -322,7 +322,7 @@ def _make_look_of_points() -> dict[str, Any]:
 
 
 def _make_beside_settings() -> dict[str, Any]:
-    """The properties of a scene beside its settings."""
+    """Make the properties of a scene beside its settings."""
     return {
         "results": bpy.props.StringProperty(
             name="Results", options={"HIDDEN"}, description="The last evaluation and its settings"
@@ -410,7 +410,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
 
 
 def find_missing_landforms(group: bpy.types.PropertyGroup) -> list[str]:
-    """Landforms of missing plug-ins that the scene uses."""
+    """Find the landforms of missing plug-ins that the scene uses."""
     return sorted(
         name
         for name, values in compat.read_stored_groups(group).items()
@@ -419,7 +419,7 @@ def find_missing_landforms(group: bpy.types.PropertyGroup) -> list[str]:
 
 
 def read_for_display(group: bpy.types.PropertyGroup) -> Settings:
-    """The settings as ``read_unchecked`` returns them, read once for all panels of a redraw; they must not be changed.
+    """Read the settings as ``read_unchecked`` does, but once for all panels of a redraw. They must not be changed.
     Equal settings are the same object, so results computed from them can be cached by identity."""
     now, changes, uid = time.monotonic(), count_changes(), group.id_data.session_uid
     kept = _displayed_settings.get(uid)

@@ -16,35 +16,35 @@ if TYPE_CHECKING:
 
 
 def list_path_options() -> set[str]:
-    """Options of a path property: from 4.5 on, paths with ``//`` need a flag."""
+    """List the options of a path property: from 4.5 on, paths with ``//`` need a flag."""
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
 def choose_principled_table() -> str:
-    """The key of ``principled.TABLE_FILES`` for this version of Blender."""
+    """Choose the key of ``principled.TABLE_FILES`` for this version of Blender."""
     if bpy.app.version < (4, 3, 0):
         return "4.2"
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
 def moves_along_first_corner() -> bool:
-    """Whether Cycles displaces a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's
-    normal. The two differ for flat facets."""
+    """Return whether Cycles displaces a vertex along the normal of its first corner (from 5.2 on) instead of the
+    vertex's normal. The two differ for flat facets."""
     return bpy.app.version >= (5, 2, 0)
 
 
 def find_series() -> str:
-    """The series of this Blender, such as 5.0. All versions of a series have the same properties."""
+    """Return the series of this Blender, such as 5.0. All versions of a series have the same properties."""
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
 def has_append_handler() -> bool:
-    """Whether Blender tells add-ons that data-blocks were appended or linked (from 4.3 on)."""
+    """Return whether Blender tells add-ons that data-blocks were appended or linked (from 4.3 on)."""
     return hasattr(bpy.app.handlers, "blend_import_post")
 
 
 def list_custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
-    """Names of the custom properties of a structure. From 5.2 on, modifiers have none."""
+    """List the names of the custom properties of a structure. From 5.2 on, modifiers have none."""
     try:
         return list(struct.keys())
     except TypeError:
@@ -52,7 +52,7 @@ def list_custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
 
 
 def read_stored_groups(group: bpy.types.PropertyGroup) -> dict[str, dict[str, Any]]:
-    """The values in the sub-groups of a property group, also in sub-groups that are no longer registered.
+    """Read the values in the sub-groups of a property group, also in sub-groups that are no longer registered.
 
     From 5.0 on, sub-groups are stored apart from custom properties.
     """
@@ -62,12 +62,12 @@ def read_stored_groups(group: bpy.types.PropertyGroup) -> dict[str, dict[str, An
 
 
 def is_module() -> bool:
-    """Whether Blender runs as a Python module. Before 4.3, only the missing path of a program shows this."""
+    """Return whether Blender runs as a Python module. Before 4.3, only the missing path of a program shows this."""
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
 
 
 def list_library_folders() -> tuple[Path, ...]:
-    """The folders in which this Blender may have its bundled libraries."""
+    """List the folders in which this Blender may have its bundled libraries."""
     installed = Path(bpy.utils.resource_path("LOCAL")).parent
     return tuple(installed / name for name in ("lib", "blender.shared"))
 
@@ -81,19 +81,19 @@ def hide_from_rays(item: bpy.types.Object, from_camera: bool = True) -> None:
 
 
 def ensure_nodes(data_block: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
-    """The node tree of a new material or world, made here if this Blender does not make it."""
+    """Return the node tree of a new material or world; it is made here if this Blender does not make it."""
     if data_block.node_tree is None:
         data_block.use_nodes = True
     return data_block.node_tree
 
 
 def uses_nodes(material: bpy.types.Material) -> bool:
-    """Whether Cycles uses the nodes of a material. From 5.0 on it always does."""
+    """Return whether Cycles uses the nodes of a material. From 5.0 on it always does."""
     return bpy.app.version >= (5, 0, 0) or bool(material.use_nodes)
 
 
 def ensure_light_nodes(light: bpy.types.Light) -> bpy.types.NodeTree:
-    """The node tree of a lamp, which this function switches on."""
+    """Switch on the node tree of a lamp, and return it."""
     light.use_nodes = True
     return light.node_tree
 
@@ -136,7 +136,7 @@ def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width
 
 
 def _find_panorama_owner(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
-    """The owner of a panoramic camera's properties: the camera from 5.0 on, earlier its Cycles properties."""
+    """Find the owner of a panoramic camera's properties: the camera from 5.0 on, earlier its Cycles properties."""
     return lens if hasattr(lens, "panorama_type") else lens.cycles
 
 
@@ -165,12 +165,12 @@ def set_fisheye(lens: bpy.types.Camera, focal_mm: float) -> None:
 
 
 def has_cycles() -> bool:
-    """Whether the add-on of Cycles is enabled."""
+    """Return whether the add-on of Cycles is enabled."""
     return hasattr(bpy.types.Scene, "cycles")
 
 
 def has_osl() -> bool:
-    """Whether Cycles was built with Open Shading Language. Without it, script nodes render black."""
+    """Return whether Cycles was built with Open Shading Language. Without it, script nodes render black."""
     try:
         import _cycles
     except ImportError:
@@ -189,7 +189,7 @@ def compile_osl(source: Path, target: Path) -> bool:
 
 
 def has_oidn() -> bool:
-    """Whether Cycles was built with OpenImageDenoise. Without it, a denoised render fails."""
+    """Return whether Cycles was built with OpenImageDenoise. Without it, a denoised render fails."""
     try:
         import _cycles
     except ImportError:
@@ -198,10 +198,10 @@ def has_oidn() -> bool:
 
 
 def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
-    """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
+    """Find the operator that reads a kind of mesh file and its options, or None if this Blender has none.
 
-    OBJ, PLY and STL keep their coordinates. The others are rotated as their headers state. Meshes are not validated
-    if the importer allows that, since validation would hide their faults.
+    OBJ, PLY and STL keep their coordinates. The others are rotated as their headers state. Meshes are not validated if
+    the importer allows that, since validation would hide their faults.
     """
     as_is = {"forward_axis": "Y", "up_axis": "Z"}
     candidates: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
@@ -223,7 +223,7 @@ def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
 
 
 def applies_usd_unit() -> bool:
-    """Whether the USD importer converts the unit of the file to metres (from 4.5 on)."""
+    """Return whether the USD importer converts the unit of the file to metres (from 4.5 on)."""
     found = find_mesh_importer("USD")
     return found is not None and "apply_unit_conversion_scale" in found[0].get_rna_type().properties
 

@@ -43,10 +43,10 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
     assert fitted.fitted
     assert "no measurement" in fitted.source
     plains, dark, mixed = (
-        moon_albedos.read_preset_law(f"surfaces/hapke_europa_{name}")
+        moon_albedos.read_preset_photometric_law(f"surfaces/hapke_europa_{name}")
         for name in ("bright_plains", "dark_lineae", terrain)
     )
-    ends = [moon_albedos.radiance_factor_at_5_deg(law) for law in (plains, dark)]
+    ends = [moon_albedos.compute_radiance_factor_at_5_deg(law) for law in (plains, dark)]
     assert fitted.theirs == pytest.approx(ends[0] + share * (ends[1] - ends[0]))
     # The disc is between its two terrains, three tenths of the way.
     bond = [photometry.bond_albedo(law) for law in (plains, mixed)]
@@ -55,7 +55,7 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
 
 
 def test_brightness_of_europa_at_phases_that_the_page_states():
-    law = moon_albedos.read_preset_law("surfaces/hapke_europa_global")
+    law = moon_albedos.read_preset_photometric_law("surfaces/hapke_europa_global")
     found = photometry.disc_brightness(law, np.radians([0.2, 0.45, 1.0]))
     assert found == pytest.approx([0.67, 0.64, 0.62], abs=0.005)
 
@@ -81,4 +81,4 @@ def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away()
 
 def test_reflectance_at_five_of_lamberts_law_is_its_albedo_by_the_cosine():
     # I/F is pi times the radiance of ground under a Sun of irradiance 1 that faces it.
-    assert moon_albedos.radiance_factor_at_5_deg(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.5)
+    assert moon_albedos.compute_radiance_factor_at_5_deg(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.5)

@@ -22,11 +22,12 @@ class Estimate:
 
 
 def fit_power_index(diameters_m: Array, least_m: float, most_m: float = math.inf) -> Estimate:
-    """The index a of N(>D) ~ D^-a of diameters (n,) from ``least_m``, below which they are incomplete, to ``most_m``.
+    """Fit the index a of N(>D) ~ D^-a to diameters (n,) from ``least_m``, below which they are incomplete, to
+    ``most_m``.
 
-    Without an upper end this is the estimator of Clauset et al. 2009 (SIAM Review 51, 661), n over the sum of
-    ln(D / least). With an upper end, the mean of ln(D / least) has the value of a law that is cut there. The error is
-    by Fisher's information. NaN for fewer than two rocks.
+    Without an upper end this is the estimator of Clauset et al. 2009 (SIAM Review 51, 661), n over the sum of ln(D /
+    least). With an upper end, the mean of ln(D / least) has the value of a law that is cut there. The error is by
+    Fisher's information. NaN for fewer than two rocks.
     """
     logs = np.log(diameters_m[(diameters_m >= least_m) & (diameters_m <= most_m)] / least_m)
     if len(logs) < 2:
@@ -41,7 +42,7 @@ def fit_power_index(diameters_m: Array, least_m: float, most_m: float = math.inf
 
 
 def _mean_log(index: float, span: float) -> float:
-    """Mean of ln(D / least) under the law, which ends at ``span``; it falls with the index."""
+    """Return the mean of ln(D / least) under the law, which ends at ``span``; it falls with the index."""
     if math.isinf(span):
         return 1.0 / index if index > 0 else math.inf
     turn = index * span
@@ -68,9 +69,9 @@ class ExponentialCover:
 def fit_exponential_cover(diameters_m: Array, area_m2: float, least_m: float, most_m: float) -> ExponentialCover:
     """Fit the covered share of rocks with diameters (n,) from ``least_m`` to ``most_m`` on an area.
 
-    Each square metre under rocks has the diameter of its rock; under the law these diameters are exponential, so q is 1
-    over their mean excess above ``least_m`` (cut at ``most_m``). The error of q is that of a mean weighted by areas, of
-    rocks drawn independently; the error of k adds that of the covered area.
+    Each square metre under rocks has the diameter of its rock. Under the law these diameters are exponential, so q is 1
+    over their mean excess above ``least_m`` (cut at ``most_m``). The error of q is the error of a mean weighted by
+    areas, for rocks drawn independently; the error of k adds the error of the covered area.
     """
     kept = diameters_m[(diameters_m >= least_m) & (diameters_m <= most_m)]
     area = math.pi / 4 * kept**2

@@ -52,5 +52,5 @@ GOLOMBEK_LAW = "Golombek et al. 2003, NTRS 20030111177, abstract: q = 1.79 + 0.1
 
 
 def golombek_decay_per_m(k: float) -> float:
-    """The published decay q(k) of the covered share with diameter, per metre."""
+    """Return the published decay q(k) of the covered share with diameter, per metre."""
     return 1.79 + 0.152 / k

@@ -18,13 +18,14 @@ from ...support.arrays import Array
 
 
 def measure_spectral_slope(waves_per_m: Array, density: Array, longest_m: float, shortest_m: float) -> float:
-    """The exponent of a power spectrum between two wavelengths, by a line through its logarithms."""
+    """Measure the exponent of a power spectrum between two wavelengths, by a line through its logarithms."""
     fitted = (waves_per_m >= 1.0 / longest_m) & (waves_per_m <= 1.0 / shortest_m) & (density > 0)
     return float(np.polyfit(np.log(waves_per_m[fitted]), np.log(density[fitted]), 1)[0])
 
 
 def measure_curvature_kurtosis(heights: Array) -> float:
-    """Kurtosis of the discrete Laplacian of heights (rows, columns); 3 for a Gaussian surface, more with edges."""
+    """Measure the kurtosis of the discrete Laplacian of heights (rows, columns); 3 for a Gaussian surface, more with
+    edges."""
     inner = heights[1:-1, 1:-1]
     curvature = heights[1:-1, 2:] + heights[1:-1, :-2] + heights[2:, 1:-1] + heights[:-2, 1:-1] - 4 * inner
     curvature = curvature - curvature.mean()
@@ -32,12 +33,13 @@ def measure_curvature_kurtosis(heights: Array) -> float:
 
 
 def measure_point_slope(heights_m: Array, spacing_m: float) -> float:
-    """RMS slope, as a tangent, along the axes between neighbours of a grid of heights."""
+    """Measure the RMS slope, as a tangent, between neighbours of a grid of heights along its axes."""
     return rms_deviation(heights_m, 1) / spacing_m
 
 
 def measure_shadow_share(heights_m: Array, spacing_m: float, sun_deg: float, margin: int) -> float:
-    """Share of a square grid of heights that lies in shadow, its mean over Suns in the four directions of the axes.
+    """Measure the share of a square grid of heights that lies in shadow, as a mean over Suns in the four directions of
+    the axes.
 
     ``sun_deg`` is the elevation of the Sun, a point. The outer ``margin`` points of every side cast shadows and are not
     counted. Points that turn away from the Sun are in shadow.
@@ -54,9 +56,9 @@ def measure_shadow_share(heights_m: Array, spacing_m: float, sun_deg: float, mar
 
 
 def predict_shadow_share(sun_deg: float, slope: float) -> float:
-    """Share in shadow of a Gaussian surface whose RMS slope along the light is ``slope``, as a tangent.
+    """Predict the share in shadow of a Gaussian surface whose RMS slope along the light is ``slope``, as a tangent.
 
-    The closed form of Smith 1967 (J. Geophys. Res. 72, 4059), which leaves out that heights along a ray are
+    This is the closed form of Smith 1967 (J. Geophys. Res. 72, 4059), which neglects that heights along a ray are
     correlated.
     """
     tangent = math.tan(math.radians(sun_deg))
@@ -66,9 +68,9 @@ def predict_shadow_share(sun_deg: float, slope: float) -> float:
 
 
 def draw_gaussian_surface(surface: RoughSurface, points: int, spacing_m: float, random: np.random.Generator) -> Array:
-    """Heights (n, n) in metres of a periodic Gaussian surface with the power spectrum of a random surface on a grid.
+    """Draw the heights (n, n), m, of a periodic Gaussian surface with the power spectrum of a random surface on a grid.
 
-    The spectrum of an octave is the sum of those of its two kernels, fade and fade times distance (see
+    The spectrum of an octave is the sum of the spectra of its two kernels, fade and fade times distance (see
     ``roughness.structure_function``). Phases are random, so nothing but the spectrum is the same.
     """
     along = np.fft.fftfreq(points, 1.0 / points) * spacing_m

@@ -36,12 +36,12 @@ _OUTLINE_ANGLES_RAD = np.radians(np.arange(0.0, 181.0, 15.0))
 _OUTLINE_DIRECTIONS = np.stack([np.cos(_OUTLINE_ANGLES_RAD), -np.sin(_OUTLINE_ANGLES_RAD)])
 #: Part of a scan's height that may be sand and is left out.
 _SAND_SHARE = 0.25
-#: Of each fit: the distance in pixels within which an outline belongs to a rock, and the distance beyond which it
-#: counts less.
+#: For each round of the fit: the distance in pixels within which an outline belongs to a rock, and the distance beyond
+#: which it counts less.
 _FIT_ROUNDS_PX = ((60.0, 15.0), (40.0, 8.0), (30.0, 5.0), (30.0, 4.0))
 _MATCHED_PX = 10.0
-#: Steps for derivatives of the shared parameters: focal length, principal point of left and right eye, distortion, turn
-#: and place of the right eye.
+#: Steps for derivatives of the shared parameters: focal length and principal point of the left and the right eye,
+#: distortion, rotation and position of the right eye.
 _SHARED_STEPS = (1.0,) * 6 + (1e-3,) * 2 + (1e-4,) * 6
 #: Expected deviations of the shared parameters from their start.
 _SHARED_PRIOR = (200.0, 15.0, 15.0, 200.0, 15.0, 15.0, 0.3, 0.3, 0.02, 0.02, 0.02, 0.03, 0.02, 0.02)
@@ -51,7 +51,8 @@ _SHARED_COUNT = len(_SHARED_STEPS)
 
 
 def make_camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
-    """From world to camera axes (3, 3), OpenCV's: yaw from +X over +Y, pitch down, roll clockwise about the axis."""
+    """Make the rotation (3, 3) from world axes to OpenCV's camera axes: yaw from +X over +Y, pitch down, roll clockwise
+    about the axis."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
     right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
@@ -61,7 +62,8 @@ def make_camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> A
 
 @dataclass(frozen=True)
 class Eye:
-    """A pinhole with distortion: focal length and principal point in pixels, k1 and k2, pose from world to camera."""
+    """A pinhole camera with distortion: focal length and principal point in pixels, k1 and k2, and the pose from world
+    to camera."""
 
     focal_px: float
     centre_px: Array
@@ -71,14 +73,15 @@ class Eye:
     place_m: Array
 
     def project(self, points: Array) -> Array:
-        """Pixels (n, 2) of points (n, 3) in metres, OpenCV's Brown-Conrady model."""
+        """Project points (n, 3), m, to pixels (n, 2) by OpenCV's Brown-Conrady model."""
         inside = (points - self.place_m) @ self.turn.T
         plane = inside[:, :2] / inside[:, 2:]
         r2 = (plane**2).sum(axis=1, keepdims=True)
         return np.asarray(plane * (1 + self.k1 * r2 + self.k2 * r2**2) * self.focal_px + self.centre_px)
 
     def rays(self, pixels: Array) -> Array:
-        """Directions (n, 3) in camera axes, z 1, of pixels (n, 2): the distortion undone by iteration."""
+        """Return the directions (n, 3) of pixels (n, 2) in camera axes, with z = 1. The distortion is undone by
+        iteration."""
         bent = (pixels - self.centre_px) / self.focal_px
         plane = bent.copy()
         for _ in range(20):
@@ -123,7 +126,8 @@ def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
 
 
 def find_extreme_points(points: Array, count: int = 300) -> Array:
-    """The points of (n, 3) that are farthest in one of ``count`` directions; only these can be on an outline."""
+    """Return the points, of (n, 3), that are farthest in at least one of ``count`` directions; only they can be on an
+    outline."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
     toward = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)])
@@ -137,18 +141,18 @@ def _select_visible_part(rock: Rock) -> Array:
 
 
 class _Outlines:
-    """The outlines of rocks as eyes see them, from the ``_select_visible_part`` of each."""
+    """The outlines of rocks in an eye, from the ``_select_visible_part`` of each rock."""
 
     def __init__(self, rocks: Sequence[Rock]) -> None:
         parts = [_select_visible_part(rock) for rock in rocks]
         self._points, self._firsts = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
 
     def middles(self, eye: Eye) -> Array:
-        """The middles (n, 2) of the outlines in pixels."""
+        """Return the middles (n, 2) of the outlines in pixels."""
         return _outline_middles(np.split(eye.project(self._points), self._firsts[1:]))
 
     def supports(self, eye: Eye) -> Array:
-        """Extent of each outline in each direction, (n, directions) in pixels."""
+        """Return the extent of each outline in each direction, (n, directions), in pixels."""
         return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _OUTLINE_DIRECTIONS, self._firsts))
 
 
@@ -164,7 +168,7 @@ def _step_gauss_newton(
     start: Array,
     strength: Array,
 ) -> Array:
-    """One step of Gauss and Newton, with ``strength`` that holds parameters at their start."""
+    """Take one step of Gauss and Newton; ``strength`` holds parameters at their start."""
     at = residual(x)
     slope = np.stack(
         [(residual(x + step * unit) - at) / step for step, unit in zip(steps, np.eye(len(x)), strict=True)], axis=1
@@ -173,8 +177,9 @@ def _step_gauss_newton(
     return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
 
 
-def _take_shared(coarse: Array) -> Array:
-    """The shared parameters of eyes side by side without distortion, from those that ``_find_pose`` fits."""
+def _make_shared_parameters(coarse: Array) -> Array:
+    """Convert the parameters that ``_find_pose`` fits to the shared parameters of eyes that are side by side and
+    undistorted."""
     focal_px, x_px, y_px = coarse[0], *coarse[7:]
     return np.array([focal_px, 0, 0, focal_px, x_px, y_px, 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
 
@@ -183,9 +188,11 @@ _COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
 
 
 def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: Array) -> tuple[float, Array]:
-    """The camera pose of a position, fitted to the centres of rocks, and the number of rocks that it fits.
+    """Find the camera pose of a position by a fit to the centres of rocks. Returns a score, about the number of rocks
+    that fit, and the parameters.
 
     Parameters are the focal length, the six numbers of the pose, and the offset of the right eye's principal point.
+    Raises IcyMoonError if no rock is outlined.
     """
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0)) / 2 for rock in terrain.rocks])
     seen = [
@@ -202,7 +209,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
     def projected(x: Array) -> list[Array]:
-        return [_make_eye(_take_shared(x), position, eye, x[1:7]).project(middles) for eye in EYES]
+        return [_make_eye(_make_shared_parameters(x), position, eye, x[1:7]).project(middles) for eye in EYES]
 
     def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
@@ -226,7 +233,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
 
 
 def _find_poses(terrain: Terrain) -> dict[str, Array]:
-    """Coarse poses: the position that is met best, then the others, starting from its lens and tilt."""
+    """Find coarse poses: first of the position that fits best, then of the others, starting from its lens and tilt."""
     wide = [
         np.array([focal, yaw, pitch, 0, 0, 0, 0, 0, 0], np.float64)
         for focal, pitch, yaw in itertools.product(
@@ -255,7 +262,9 @@ def fit_camera(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     outlines = _Outlines(terrain.rocks)
-    x = np.concatenate([_take_shared(poses[positions[0]]), *(poses[position][1:7] for position in positions)])
+    x = np.concatenate(
+        [_make_shared_parameters(poses[positions[0]]), *(poses[position][1:7] for position in positions)]
+    )
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
@@ -296,7 +305,7 @@ def fit_camera(terrain: Terrain) -> Calibration:
 
 
 def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
-    """Share of the rocks with an outline to compare, among the rocks that could have one.
+    """Measure the share of the rocks with an outline to compare, among the rocks that could have one.
 
     ``targets`` are from ``_measure_outline_supports``. A few rocks of a wrong terrain meet some outline by chance, and
     a camera can be fitted to these few.
@@ -310,7 +319,8 @@ def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> floa
 
 
 def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
-    """The extent of each rock's outline in each direction, the median of the azimuths; NaN without an outline."""
+    """Measure the extent of each rock's outline in each direction, as the median over the azimuths; NaN without an
+    outline."""
     found = np.full((len(terrain.azimuths), len(middles), _OUTLINE_DIRECTIONS.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):
         outlines = terrain.polygons(view, azimuth, ROCK)

@@ -19,7 +19,7 @@ from ...physics.triangle_files.obj import parse_triangles
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read
-from .skirts import find_skirt, open_corners
+from .skirts import find_open_corners, find_skirt
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
@@ -28,7 +28,7 @@ DATA_ADVICE = (
     "get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
     "labels/TT_P_off_AZ_E.txt of a terrain TT into it"
 )
-#: Positions of the eyes and of the lamp in metres as the release's demo states them; yaw of the camera in degrees.
+#: Positions of the eyes and the lamp in metres, and yaw of the camera in degrees, as the release's demo states them.
 SURVEYED_EYES = {
     "A": ((3.541, -0.303, 1.346), (3.532, -0.002, 1.344)),
     "B": ((5.500, -0.303, 1.345), (5.500, -0.002, 1.344)),
@@ -71,13 +71,13 @@ class Rock:
 
     @cached_property
     def skirt(self) -> Array:
-        """Mask (m,) of the triangles that are sand."""
+        """Mask (m,) of the triangles that show sand."""
         return find_skirt(self.vertices, self.faces)
 
     @cached_property
     def rim(self) -> Array:
-        """Vertices (n, 3) on the open edges; all vertices without open edges."""
-        corners = open_corners(self.faces)
+        """Vertices (n, 3) on the open edges; all vertices if there are no open edges."""
+        corners = find_open_corners(self.faces)
         return np.asarray(self.vertices[corners] if len(corners) else self.vertices)
 
 
@@ -99,8 +99,8 @@ class Polygon:
 
 @dataclass(frozen=True)
 class Terrain:
-    """A terrain: its rocks; the polygons of each photograph by view and Sun azimuth in degrees; and the photographs
-    themselves, where the folder has them."""
+    """A terrain: its rocks, the polygons of each photograph by view and Sun azimuth in degrees, and the photographs
+    themselves where the folder has them."""
 
     name: str
     rocks: tuple[Rock, ...]
@@ -123,7 +123,7 @@ class Terrain:
         return sorted({azimuth for _, azimuth in self.photographs})
 
     def polygons(self, view: View, azimuth: int, kind: int) -> list[Array]:
-        """Corners of the polygons of a class in a photograph; none if there is no photograph."""
+        """Return the corners of the polygons of a class in a photograph; none if there is no photograph."""
         return [each.corners for each in self.photographs.get((view, azimuth), ()) if each.kind == kind]
 
 

@@ -65,7 +65,8 @@ def _fill_outlines(outlines: list[Array]) -> Array:
 
 
 def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
-    """Intersections over union of the rocks under one lamp and under another, from separately drawn outlines."""
+    """Compute the intersections over union of rocks under one lamp and under another, from separately drawn
+    outlines."""
     found = []
     for view in (view for view in terrain.views if view.position == position):
         drawn = [terrain.polygons(view, azimuth, ROCK) for azimuth in terrain.azimuths]
@@ -78,7 +79,7 @@ def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
 
 
 def _share_an_outline(one: list[Array], other: list[Array]) -> bool:
-    """Whether two photographs have an outline in common, to the last digit."""
+    """Return whether two photographs have an outline in common, to the last digit."""
     return not {each.tobytes() for each in one}.isdisjoint(each.tobytes() for each in other)
 
 
@@ -97,7 +98,7 @@ def _measure_shadow_label_overlap(
 
 
 def _densify_outline(outline: Array) -> Array:
-    """The outline (n, 2) with points no more than a step apart."""
+    """Return the outline (n, 2) with further points, so that neighbours are no more than a step apart."""
     found = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         count = max(1, int(np.linalg.norm(there - here) / _OUTLINE_STEP_PX))
@@ -106,7 +107,7 @@ def _densify_outline(outline: Array) -> Array:
 
 
 def trace_pixels_to_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
-    """The points (n, 3) at which the downward rays of pixels (n, 2) meet the sand, by iteration."""
+    """Trace pixels (n, 2) along their downward rays to the points (n, 3) on the sand, by iteration."""
     way = eye.rays(pixels) @ eye.turn
     level = np.zeros(len(pixels))
     for _ in range(12):

@@ -21,11 +21,11 @@ from .skirts import BOUND_M
 _MASK_SCALE = 0.25
 _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 _LAMP_STEPS_M = (0.2, 0.1, 0.05, 0.025, 0.0125)
-#: How far a lamp is expected off its survey, in metres: to the sides as far as the fitted cameras of terrain 04 are off
-#: theirs about their mean (0.2 m of three positions and both axes), in height half as much.
+#: Expected distance in metres of a lamp from its survey. To the sides it is the distance of the fitted cameras on
+#: terrain 04 from their surveys about the mean (0.2 m over three positions and both axes), in height half as much.
 _SURVEY_ERROR_M = np.array([0.2, 0.2, 0.1])
-#: Agreement of shadows that a lamp pays for being off by one such distance: as much as that of both eyes with the same
-#: shadows differs.
+#: Cost, as agreement of shadows, of a lamp that is one such distance from its survey. It is the difference between the
+#: agreements of both eyes with the same shadows.
 _SURVEY_COST = 0.01
 _NODE_STEPS_M = (0.01, 0.005)
 #: Distance in metres from a node within which a shadow must end or run for the node to be fitted.
@@ -51,7 +51,7 @@ class HeightTable:
         self.heights = sand.heights(self.grid).reshape(len(y), len(x))
 
     def __call__(self, xy: Array) -> Array:
-        """Heights (n,) at points (n, 2), linear between the points of the grid."""
+        """Return the heights (n,), m, at points (n, 2), linear between the points of the grid."""
         at = np.clip((xy - self.low) / _TABLE_SPACING_M, 0, self.count - 1.001)
         k = at.astype(int)
         u, v = (at - k).T
@@ -63,7 +63,7 @@ class HeightTable:
 
 
 def trace_lamp_to_sand(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
-    """The points (n, 3) at which the rays from a lamp through points (n, 3) meet the sand, by iteration."""
+    """Trace the rays from a lamp through points (n, 3) to the points (n, 3) on the sand, by iteration."""
     way = points - lamp
     fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
     times = np.full(len(points), 1.05)
@@ -74,7 +74,7 @@ def trace_lamp_to_sand(points: Array, lamp: Array, heights: Callable[[Array], Ar
 
 
 def _descend_along_axes(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...], scale: Array) -> Array:
-    """The least cost by steps along each axis, smaller and smaller."""
+    """Find the parameters of least cost by steps along each axis, which become smaller and smaller."""
     best, least = x, cost(x)
     for step in steps:
         for _ in range(6):
@@ -89,12 +89,13 @@ def _descend_along_axes(x: Array, cost: Callable[[Array], float], steps: tuple[f
 
 
 def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
-    """Position (3,) in metres of the lamp from the survey, whose heights count from the median height of the sand."""
+    """Return the position (3,), m, of the lamp from the survey, whose heights count from the median height of the
+    sand."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, sand.level_m))
 
 
 def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
-    """The points of (n, 3) on the outline of the shadow on level sand."""
+    """Select the points, of (n, 3), that cast the outline of the shadow on level sand."""
     cast = trace_lamp_to_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_OUTLINE_DIRECTIONS) / _OUTLINE_DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
@@ -135,7 +136,7 @@ class Shadows:
                 self.seen[view, azimuth] = rocks, shadow & ~rocks
 
     def measure_agreement(self, azimuth: int, lamp: Array, heights: Callable[[Array], Array]) -> float:
-        """Mean intersection over union of the shadows of a lamp, over the positions."""
+        """Measure the mean intersection over union of a lamp's shadows, over the positions."""
         cast = trace_lamp_to_sand(self.points[azimuth], lamp, heights)
         found = []
         for (view, at), (rock, shadow) in self.seen.items():
@@ -146,9 +147,10 @@ class Shadows:
 
 
 def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[int, Array], Sand]:
-    """The position (3,) in metres of the lamp at each azimuth, and the sand with its height at the ends of shadows.
+    """Fit the position (3,), m, of the lamp at each azimuth, and the height of the sand at the ends of shadows. Returns
+    both.
 
-    A centimetre of sand moves the tip of a shadow by five, so both are fitted, one after the other.
+    A centimetre of sand moves the tip of a shadow by five, so lamps and sand are fitted one after the other.
     """
     shadows, table = Shadows(terrain, camera, sand), HeightTable(sand)
     flat = np.array([1.0, 1.0, 0.5])
@@ -170,13 +172,14 @@ def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: 
 
 
 def _node_offset_m(table: HeightTable, sand: Sand, k: int) -> float:
-    """The height of the surface above the plane at a node."""
+    """Return the height of the surface above the plane at a node."""
     node = sand.nodes[k][None]
     return float((table(node) - sand.on_plane(node))[0])
 
 
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
-    """Raise or lower the sand at nodes at the ends of shadows while that improves the agreement of the shadows."""
+    """Raise or lower the sand at nodes at the ends of shadows, as long as this improves the agreement of the
+    shadows."""
     raised = sand.raised.copy()
     reached = {
         azimuth: trace_lamp_to_sand(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()

@@ -35,9 +35,9 @@ NODE_SPACING_M = 0.25
 
 @dataclass(frozen=True)
 class Sand:
-    """A plane (3,), height at the origin and slopes; at the ``middles`` (n, 2) of scans the sand is ``offs`` (n,)
-    metres above it. At the ``nodes`` (k, 2) between the rocks, it is raised by ``raised`` (k,) metres.
-    """
+    """The surface of the sand. ``plane`` (3,) is its height at the origin and its slopes. At the ``middles`` (n, 2) of
+    scans the sand is ``offs`` (n,) metres above the plane. At the ``nodes`` (k, 2) between the rocks, it is raised by
+    ``raised`` (k,) metres."""
 
     plane: Array
     middles: Array
@@ -47,29 +47,31 @@ class Sand:
 
     @property
     def level_m(self) -> float:
-        """Median height at the rocks."""
+        """Median height of the sand at the rocks."""
         return float(np.median(self.on_plane(self.middles) + self.offs))
 
     def on_plane(self, xy: Array) -> Array:
-        """Heights (n,) in metres of the plane at points (n, 2)."""
+        """Return the heights (n,), m, of the plane at points (n, 2)."""
         return np.asarray(self.plane[0] + xy @ self.plane[1:])
 
     def heights(self, xy: Array) -> Array:
-        """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
-        known = _gaussian_bumps(self.middles, self.middles) + (_HEIGHT_ERROR_M / _PRIOR_SPREAD_M) ** 2 * np.eye(
+        """Return the heights (n,), m, of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
+        known = _evaluate_gaussians(self.middles, self.middles) + (_HEIGHT_ERROR_M / _PRIOR_SPREAD_M) ** 2 * np.eye(
             len(self.middles)
         )
-        off = _gaussian_bumps(xy, self.middles) @ np.linalg.solve(known, self.offs)
+        off = _evaluate_gaussians(xy, self.middles) @ np.linalg.solve(known, self.offs)
         used = np.nonzero(self.raised)[0]
-        off += _gaussian_bumps(xy, self.nodes[used]) @ self.raised[used]
+        off += _evaluate_gaussians(xy, self.nodes[used]) @ self.raised[used]
         return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
-        """Height (n,) that node ``k`` adds to the surface at points (n, 2), per metre that the node is raised."""
-        return _gaussian_bumps(xy, self.nodes[k][None])[:, 0]
+        """Return the height (n,) that node ``k`` adds to the surface at points (n, 2), per metre that the node is
+        raised."""
+        return _evaluate_gaussians(xy, self.nodes[k][None])[:, 0]
 
     def visible(self, rock: Rock) -> tuple[Array, Array]:
-        """Vertices and triangles of the part of a rock above the sand; vertices below are moved up to it."""
+        """Return the vertices and triangles of the part of a rock above the sand. Vertices below the sand are moved up
+        to it."""
         level = self.heights(rock.vertices[:, :2])
         up = rock.vertices[:, 2] > level
         raised = rock.vertices.copy()
@@ -77,14 +79,14 @@ class Sand:
         return raised, rock.faces[up[rock.faces].any(axis=1) & ~rock.skirt]
 
 
-def _gaussian_bumps(xy: Array, middles: Array) -> Array:
-    """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
+def _evaluate_gaussians(xy: Array, middles: Array) -> Array:
+    """Evaluate Gaussians about middles (k, 2) at points (n, 2); returns (n, k)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
     return np.asarray(np.exp(-apart / (2 * SMOOTHING_LENGTH_M**2)))
 
 
 def _fit_plane(middles: Array, heights: Array) -> Array:
-    """The plane (3,) through most of the heights (n,) at middles (n, 2): heights within some spreads of it count."""
+    """Fit a plane (3,) to most of the heights (n,) at middles (n, 2): a height far from it has little weight."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight: Numbers = np.ones(len(middles))
     for _ in range(50):
@@ -113,9 +115,8 @@ def measure_sand(terrain: Terrain) -> Sand:
 
 
 def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int) -> list[list[Array]]:
-    """The outlines of each rock in a photograph: outlines whose middle is inside the projected rock or within 10 px of
-    it.
-    """
+    """Assign the outlines of a photograph to rocks. The middle of an outline must be inside the projected rock, or
+    within 10 px of it."""
     parts = []
     for rock in terrain.rocks:
         points, faces = sand.visible(rock)

@@ -19,7 +19,7 @@ from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
 _MASK_SCALE = 0.25
 _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
-#: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
+#: Largest distance, in pixels of the photographs, of a scan from its outline or of a shadow from its rock.
 _NEAR_PX = 10.0
 _REACH_PX = round(_NEAR_PX * _MASK_SCALE)
 _MIN_SCANNED_SHARE = 0.5
@@ -27,9 +27,9 @@ _MIN_SCANNED_SHARE = 0.5
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Unscanned objects in a photograph: outlines of rocks and of their shadows, each (n, 2) in pixels.
+    """The unscanned objects in a photograph: the outlines of rocks and of their shadows, each (n, 2) in pixels.
 
-    ``share`` is the part of the area of all outlined rocks that has no scan.
+    ``share`` is the unscanned share of the area of all outlined rocks.
     """
 
     rocks: list[Array]
@@ -38,7 +38,7 @@ class LeftOut:
 
 
 def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: int) -> LeftOut:
-    """The outlines of a photograph that have no scan."""
+    """Find the outlines of a photograph that have no scan."""
     eye = camera.eyes[view]
     hulls = [eye.project(find_extreme_points(rock.vertices)) * _MASK_SCALE for rock in terrain.rocks]
     near = dilate(fill_hulls(_MASK_SHAPE, hulls), _REACH_PX)

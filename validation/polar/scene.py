@@ -30,13 +30,13 @@ _FINE_EXTENT_M = 2.4
 _FINE_SPACING_M = 0.02
 #: Reach of the coarse part in metres.
 _COARSE_REACH_M = 9.0
-#: Distance in metres from which on the ground becomes level.
+#: Distance in metres at which the ground begins to become level.
 _LEVEL_FROM_M = 2.2
 #: Distance at which it is level.
 _LEVEL_AT_M = 3.4
 _WINDOW_MARGIN_PX = 12
 _SENSOR_MM = 20.0
-#: Apparent diameter of the lamp in degrees. It is not published; this one is chosen.
+#: Apparent diameter of the lamp in degrees, chosen, because none is published.
 LAMP_DEG = 0.5
 _SAMPLES = 4
 #: A pixel shows a rock if the rock is nearer than the sand by more than this, in metres.
@@ -52,9 +52,10 @@ _DARK_SHARE = 0.1
 class Frame:
     """Our rig at a camera position.
 
-    ``axes`` (3, 3) has its x (right), y (down) and z (forward) axes as rows, in the data set's world. ``world`` (3, 3)
-    rotates that world into ours, and ``origin`` (3,) is the origin of our world. The window is ``corner`` (2,) in
-    pixels of focal length ``focal_px`` from the optical axis, and ``size`` (columns, rows).
+    The rows of ``axes`` (3, 3) are the rig's axes x (right), y (down) and z (forward), in the data set's world.
+    ``world`` (3, 3) rotates the data set's world into ours, and ``origin`` (3,) is the origin of our world. The window
+    begins at ``corner`` (2,), counted from the optical axis in pixels of focal length ``focal_px``, and has the
+    ``size`` (columns, rows).
     """
 
     position: str
@@ -69,17 +70,17 @@ class Frame:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         return self.size[1], self.size[0]
 
     def rectify(self, camera: Calibration, eye: str, pixels: Array) -> Array:
-        """Pixels (n, 2) of our rig for pixels (n, 2) of a photograph."""
+        """Convert pixels (n, 2) of a photograph to pixels (n, 2) of our rig."""
         fitted = camera.eyes[View(self.position, eye)]
         rays = fitted.rays(pixels) @ fitted.turn @ self.axes.T
         return np.asarray(rays[:, :2] / rays[:, 2:] * self.focal_px - self.corner)
 
     def unrectify(self, camera: Calibration, eye: str, pixels: Array) -> Array:
-        """Pixels (n, 2) of a photograph for pixels (n, 2) of our rig."""
+        """Convert pixels (n, 2) of our rig to pixels (n, 2) of a photograph."""
         fitted = camera.eyes[View(self.position, eye)]
         rays = np.column_stack([(pixels + self.corner) / self.focal_px, np.ones(len(pixels))])
         return fitted.project(fitted.place_m + rays @ self.axes)
@@ -89,13 +90,13 @@ class Frame:
         return np.asarray((points - self.origin) @ self.world.T)
 
     def project(self, points: Array, eye: str) -> Array:
-        """Pixels (n, 2) of our rig for points (n, 3) of the data set's world."""
+        """Project points (n, 3) of the data set's world to pixels (n, 2) of our rig."""
         inside = (points - self.left) @ self.axes.T - [self.baseline_m if eye == "R" else 0.0, 0.0, 0.0]
         return np.asarray(inside[:, :2] / inside[:, 2:] * self.focal_px - self.corner)
 
 
 def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str, columns: int) -> Frame:
-    """Our rig at a position, with a window of about ``columns`` columns around all labels of rocks and shadows."""
+    """Find our rig at a position, with a window of about ``columns`` columns around all labels of rocks and shadows."""
     frame = _make_rig(camera, sand, position)
     seen = np.concatenate(
         [
@@ -114,7 +115,7 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
 
 
 def _make_rig(camera: Calibration, sand: Sand, position: str) -> Frame:
-    """Our rig at a position, as yet without a window."""
+    """Make our rig at a position, as yet without a window."""
     left, right = (camera.eyes[View(position, eye)] for eye in EYES)
     across = right.place_m - left.place_m
     x = across / np.linalg.norm(across)
@@ -137,7 +138,8 @@ def _make_rig(camera: Calibration, sand: Sand, position: str) -> Frame:
 
 
 def _make_ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
-    """The sand in our world: fine where the rocks are, level at height 0 around them and under the cameras."""
+    """Make the mesh of the sand in our world: fine where the rocks are, level at height 0 around them and under the
+    cameras."""
     fine = np.arange(-_FINE_EXTENT_M, _FINE_EXTENT_M + _FINE_SPACING_M / 2, _FINE_SPACING_M)
     coarse = np.linspace(_FINE_EXTENT_M, _COARSE_REACH_M, 8)[1:]
     line = np.concatenate([-coarse[::-1], fine, coarse])
@@ -169,7 +171,8 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
 
 
 def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
-    """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
+    """Return the complete settings of a photograph: our rig, a lamp near the ground, and the mesh with lunar regolith
+    on it."""
     way, eye = (frame.to_world_axes(point[None])[0] for point in (lamp, frame.left))
     distance = float(np.linalg.norm(way))
     forward = frame.world @ frame.axes[2]
@@ -214,9 +217,8 @@ def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
 
 @dataclass(frozen=True)
 class Twin:
-    """The images of an eye in our renders: masks of rock, of shadow, and of the shadow that the sand casts without
-    rocks; radiance, and planar depth in metres; all (H, W).
-    """
+    """The images (H, W) of an eye in our renders: masks of rock, of shadow, and of the shadow that the sand casts
+    without rocks; radiance; and planar depth in metres."""
 
     rock: Array
     shadow: Array
@@ -226,7 +228,7 @@ class Twin:
 
 
 def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
-    """The twin of a photograph of an eye ``L`` or ``R``, from a render with the rocks and one without them."""
+    """Read the twin of a photograph of an eye ``L`` or ``R``, from a render with the rocks and one without them."""
     from ...stereo.images.exr import read_view  # which needs OpenEXR
 
     name = "left" if eye == "L" else "right"
@@ -235,15 +237,15 @@ def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
     rock = np.nan_to_num(nearer, nan=0.0) > _MIN_GAP_M
     light, full = (view.radiance.mean(axis=-1) for view in (here, bare))
     # Light falls with the square of the distance to the lamp.
-    squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2
+    squared = _compute_distances_to_lamp(with_rocks, name, here.depth) ** 2
     lit = np.nanmedian(full * squared)
     seen = ~np.isnan(bare.depth)
     dark = ((light < _SHADOW_SHARE * full) | (light * squared < _DARK_SHARE * lit)) & seen
     return Twin(rock, dark & ~rock, (full * squared < _DARK_SHARE * lit) & seen, light, here.depth)
 
 
-def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
-    """Distance (H, W) in metres from the lamp to what each pixel of an eye sees; NaN for sky."""
+def _compute_distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
+    """Compute the distance (H, W), m, from the lamp to the surface that each pixel of an eye sees; NaN for sky."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][name])
     u, v = (
         (np.arange(count) + 0.5 - centre) / camera.focal_px
@@ -257,8 +259,8 @@ def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
 
 @dataclass(frozen=True)
 class Masks:
-    """Masks (H, W) of rock and shadow in a photograph, as labelled and as rendered, without unscanned objects; and its
-    twin.
+    """Masks (H, W) of rock and shadow in a photograph, as labelled and as rendered, without unscanned objects. ``twin``
+    is the photograph's twin.
 
     ``judged`` (H, W) marks the pixels that show the sandbox or scanned objects.
     """

@@ -13,27 +13,26 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Angle of repose of dry sand in degrees; that of common sands is within a few degrees of it.
+#: Angle of repose of dry sand in degrees; common sands have this angle to within a few degrees.
 REPOSE_DEG = 35.0
-#: Largest height in metres of sand off a plane: of the skirt above the plane of its edge, and of all sand off the plane
-#: of the sandbox. It is three times the standard deviation of 1.4 cm by which the rims of terrain 04 are off their
-#: plane.
+#: Largest distance in metres of sand from a plane: of a skirt above the plane of its edge, and of all sand from the
+#: plane of the sandbox. It is three times 1.4 cm, the standard deviation of the rims of terrain 04 from their plane.
 BOUND_M = 0.04
-#: How many times normals are averaged over the triangles at a corner: to about a centimetre, since edges have 4 mm.
+#: Number of times that normals are averaged over the triangles at a corner. As edges are 4 mm long, two times average
+#: over about a centimetre.
 _AVERAGING_PASSES = 2
 
 
-def open_corners(faces: Array) -> Array:
-    """Indices of the vertices on the open edges of triangles (m, 3); none if they are closed."""
+def find_open_corners(faces: Array) -> Array:
+    """Return the indices of the vertices on the open edges of triangles (m, 3); none if they are closed."""
     edges = np.sort(np.concatenate([faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     return np.unique(unique[count == 1])
 
 
 def fit_rim_plane(rim: Array, middle: Array) -> Array:
-    """The plane (3,) of a rim (n, 3), height at a ``middle`` (2,) and slopes: most of the rim is on it and little below
-    it.
-    """
+    """Fit a plane (3,), its height at a ``middle`` (2,) and its slopes, to a rim (n, 3). Most of the rim is on the
+    plane, and little is below it."""
     basis = np.column_stack([np.ones(len(rim)), rim[:, :2] - middle])
     heights = rim[:, 2]
     weight = (heights <= np.quantile(heights, 0.6)).astype(np.float64)
@@ -48,14 +47,15 @@ def fit_rim_plane(rim: Array, middle: Array) -> Array:
 
 
 def find_skirt(vertices: Array, faces: Array) -> Array:
-    """Mask (m,) of the triangles ``faces`` (m, 3) of a scan, ``vertices`` (n, 3) in metres, that are sand."""
-    edge = open_corners(faces)
+    """Find which of the triangles ``faces`` (m, 3) of a scan with ``vertices`` (n, 3), m, are sand. Returns a mask
+    (m,)."""
+    edge = find_open_corners(faces)
     if not len(edge):
         return np.zeros(len(faces), bool)
     middles = vertices[faces].mean(axis=1)
     plane = fit_rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
     above = middles[:, 2] - plane[0] - (middles[:, :2] - middles[:, :2].mean(axis=0)) @ plane[1:]
-    flat = (_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
+    flat = (_measure_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
     reached = np.zeros(len(vertices), bool)
     reached[edge] = True
     skirt = np.zeros(len(faces), bool)
@@ -65,9 +65,9 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
     return skirt
 
 
-def _steepness(vertices: Array, faces: Array) -> Array:
-    """Angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a right angle
-    for triangles that face down."""
+def _measure_steepness(vertices: Array, faces: Array) -> Array:
+    """Compute the angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a
+    right angle for triangles that face down."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals *= 1.0 if normals[:, 2].sum() > 0 else -1.0
