@@ -1,4 +1,4 @@
-"""``python -m icymoon.stereo …``; where the package is not installed, ``python …/__main__.py stereo …``."""
+"""Run ``python -m icymoon.stereo …``; where the package is not installed, ``python …/__main__.py stereo …``."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_measurements_below_the_limit_of_confidence_are_not_used(monkeypatch):
 
     np.testing.assert_array_equal(np.isfinite(find_depth(0.5, confidence)), confidence >= 0.5)
     assert np.isfinite(find_depth(0.0, None)).all()
-    with pytest.raises(IcyMoonError, match=r"JPLV states no confidence, of which at least 0\.5 is asked; leave out"):
+    with pytest.raises(IcyMoonError, match=r"JPLV states no confidence, but at least 0\.5 is required; leave out"):
         find_depth(0.5, None)
 
 
