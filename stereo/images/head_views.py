@@ -1,4 +1,4 @@
-"""Reading and developing the images of the cameras beside a pair, and their truth."""
+"""Read and develop the images of the cameras beside a pair, and read their truth."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class HeadView:
 
     @property
     def depth_m(self) -> Array:
-        """Metres along the optical axis, float64 (H, W); negative for points behind a camera with a wide field."""
+        """Depth along the optical axis, m, float64 (H, W); negative for points behind a camera with a wide field."""
         return self.distance_m * _rays(self.camera)[1][..., 2]
 
     @property
     def points_m(self) -> Array:
-        """The points at the pixels, in the world's axes: float64 (H, W, 3)."""
+        """Points at the pixels, m, in the world's axes, float64 (H, W, 3)."""
         origins, directions = _rays(self.camera)
         own = origins + directions * self.distance_m[..., None]
         return np.asarray(own @ self.camera.rotation.T + self.camera.position_m)
@@ -58,8 +58,9 @@ class HeadView:
 
 @dataclass(frozen=True)
 class HeadImage:
-    """The developed image of a camera: digital numbers uint16 (H, W) of ``bits`` bits, grey; of a colour sensor also
-    ``colour`` (H, W, 3), R, G, B."""
+    """The developed image of a camera: grey digital numbers, uint16 (H, W), of ``bits`` bits. A colour sensor also
+    gives ``colour`` (H, W, 3), R, G, B.
+    """
 
     grey: Array
     bits: int
@@ -67,7 +68,7 @@ class HeadImage:
     colour: Array | None = None
 
     def for_files(self) -> Array:
-        """Grey, or B, G, R, in which order OpenCV writes colours."""
+        """Return the grey image, or the colours in the order B, G, R, in which OpenCV writes them."""
         return self.grey if self.colour is None else self.colour[..., ::-1]
 
 
@@ -76,7 +77,7 @@ def _rays(camera: HeadCamera) -> tuple[Array, Array]:
 
 
 def read_head_views(pair: Pair) -> Iterator[HeadView]:
-    """The cameras beside a pair, one after the other.
+    """Yield the views of the cameras beside a pair, one after the other.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
@@ -85,7 +86,7 @@ def read_head_views(pair: Pair) -> Iterator[HeadView]:
 
 
 def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
-    """The view of one camera beside the pair, see ``read_head_views``."""
+    """Read the view of one camera beside the pair, see ``read_head_views``."""
     image = pair.folder / image_file(camera.name)
     truth = image if is_plain(camera.projection) else pair.folder / truth_file(camera.name)
     light, seen = exr.read_light(image), exr.read_distances(truth)
@@ -98,7 +99,7 @@ def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
 
 
 def _resample(radiance: Array, places: Array) -> Array:
-    """Radiance (H, W, bands) at positions of a rendered image, by splines; 0 outside the field of view."""
+    """Resample radiance (H, W, bands) at positions of a rendered image, by splines; 0 outside the field of view."""
     bands = [np.maximum(np.nan_to_num(sample(band, places)), 0.0) for band in np.moveaxis(radiance, -1, 0)]
     return np.stack(bands, axis=-1).astype(np.float32)
 
