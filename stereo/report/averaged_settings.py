@@ -1,4 +1,4 @@
-"""Describes the averages behind a point in a chart: over scenes, headings, places and other varied settings."""
+"""Describe the averages behind a point in a chart: over scenes, headings, places and other varied settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_NAMED = 6
 def describe_averaging(
     point: Array, used: Sequence[VariedSetting], sweeps: Sequence[VariedSetting], table: ResultTable
 ) -> str:
-    """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
+    """Describe the means of a chart in a sentence. ``point`` (pairs,) is the point to which each pair belongs, or -1.
 
     Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
     """
@@ -48,7 +48,7 @@ def describe_averaging(
 
 
 def _find_range_of_distinct(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
-    """The least and the most distinct values in a group."""
+    """Find the least and the most distinct values in a group."""
     found = [len(np.unique(values[group])) for group in groups]
     return min(found), max(found)
 
@@ -58,7 +58,7 @@ def _find_range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
 
 
 def _count_text(numbers: tuple[int, int], what: str) -> str:
-    """The number of averaged items per point, in words; empty if each point has one."""
+    """Write the number of averaged items per point in words; "" if each point has one item."""
     least, most = numbers
     if most < 2:
         return ""

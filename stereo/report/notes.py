@@ -48,8 +48,8 @@ _FIX_BY_NOTE = {
 
 @dataclass(frozen=True)
 class Note:
-    """A note for the reader, in brief and in ``detail``; ``sentence`` joins both. A ``doubtful`` note gives a reason
-    why results may be wrong or unfair; other notes are facts about the data.
+    """A note for the reader, in brief and in ``detail``. A ``doubtful`` note gives a reason why results may be wrong or
+    unfair; other notes are facts about the data.
     """
 
     brief: str
@@ -71,7 +71,7 @@ class Notes:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
         self._pairs, self._unknown, self._estimated, self._estimated_renders = 0, 0, 0, 0
         self._noisy: list[bool] = []  # whether the larger part is noise of baked light
-        self._decided: list[tuple[float, bool]] = []  # doubt, and the same
+        self._decided: list[tuple[float, bool]] = []  # doubt, and whether the larger part is noise of baked light
         self._baked: list[tuple[float, float, float]] = []  # noise, share, bound
 
     def add_pair(self, facts: Mapping[str, Any]) -> bool:
@@ -98,7 +98,7 @@ class Notes:
             self._search[label].append((row["pair"], row["search"]))
 
     def found(self) -> list[Note]:
-        """The notes, the most important first."""
+        """Return the notes, the most important first."""
         missed = (self._note_missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (
@@ -198,7 +198,9 @@ class Notes:
 
 
 def _bake_text(by_bake: Sequence[bool]) -> str:
-    """The warning on pairs in which noise of baked light is the larger part of the noise."""
+    """Write the warning on pairs in which noise of baked light is the larger part of the noise; "" without such
+    pairs.
+    """
     count = sum(by_bake)
     if not count:
         return ""

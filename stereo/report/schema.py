@@ -1,4 +1,4 @@
-"""The content of ``report.json``, and of the rows and facts behind it. An undefined number is null.
+"""The content of ``report.json``, and of the rows and facts from which it is made. An undefined number is null.
 
 ``summary.json`` is the report without ``rows`` and ``pairs``, which grow with the data set, but with ``shown``: the
 rows of the pairs whose pictures are in the HTML report.
@@ -32,14 +32,16 @@ class Comparison(TypedDict):
     better: str | None  # the better method in the typical scene; null without a verdict
     p: float | None  # adjusted
     detectable: float | None
-    scenes_needed: int  # for a verdict
+    scenes_needed: int  # number of scenes for a verdict
     value: float | None  # the mean over scenes
     low: float | None  # its 95 % bounds
     high: float | None
 
 
 class Failure(TypedDict):
-    """A pair that could not be measured, by one ``method`` or by all; or a pair that is left out of the averages."""
+    """A pair that could not be measured, by one ``method`` or by all methods; or a pair that is left out of the
+    averages.
+    """
 
     pair: str
     message: str
@@ -57,14 +59,14 @@ class Report(TypedDict):
     curves: dict[str, str]  # pictures of the error by the setting that varies, relative to the report
     comparisons: list[Comparison]
     verdicts: str  # the conclusions of the comparisons
-    typical_differences: list[str]  # how every two methods differ in the typical scene
-    rare_failures: list[str]  # the verdicts that say which methods fail heavily in few pairs
+    typical_differences: list[str]  # sentences on the typical difference between every two methods
+    rare_failures: list[str]  # sentences on the methods that fail heavily in few pairs
     rows: Sequence[Row]  # read from the disk on demand, see ``ROW``
     pairs: Sequence[Row]  # the facts of each usable pair, see ``FACTS``; read on demand too
     failed: list[Failure]
     suspect: list[Failure]  # pairs whose eyes contradict each other or the truth
     notes: list[str]  # sentences on the limits of the comparison
-    briefs: list[str]  # their first parts, for where there is little room
+    briefs: list[str]  # the first parts of the notes, for places with little room
     doubts: list[str]  # the notes that make results doubtful
     plug_ins: list[dict[str, Any]]  # the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``
     provenance: Mapping[str, Any]
