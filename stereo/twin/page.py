@@ -1,4 +1,4 @@
-"""Writing photographed pairs beside their twins: one page that contains everything, and a table of all numbers."""
+"""Write photographed pairs beside their twins: one page that contains everything, and a table of all numbers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_page(
 ) -> Path:
     """Write ``twin.html`` and ``twin.csv`` into ``out``, and return the path of the page.
 
-    ``pictures`` is the folder with the pictures of ``measured``, ``limits`` and ``notes`` are sentences.
+    ``pictures`` is the folder with the pictures from ``compare_twin``; ``limits`` and ``notes`` are sentences.
     """
     write_text(out / TABLE, make_csv(twins, records, methods))
     rig = twins[0].planned.settings.rig
@@ -65,7 +65,7 @@ def write_page(
 
 
 def _choose_shown(count: int) -> list[int]:
-    """The indices of the pairs to show: all, or at equal steps."""
+    """Choose the indices of the pairs to show: all, or some at equal steps."""
     return sorted({round(k) for k in np.linspace(0, count - 1, min(count, _MAX_SHOWN))})
 
 
@@ -96,7 +96,9 @@ def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods
 
 
 def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick lines for their means."""
+    """Draw histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick lines for their
+    means.
+    """
     found: list[str] = []
     with matplotlib.rc_context(STYLE):
         for key, title, label, logarithmic in (
@@ -129,7 +131,7 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
-    """The x of the points of a curve."""
+    """Find the x coordinates of the points of a curve."""
     if key == "power":
         return max((curve["cycles"] for curve in curves), key=len)
     bounds = np.array(LEVEL_BOUNDS if key == "levels" else GRADIENT_BOUNDS, float)
@@ -137,5 +139,5 @@ def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def _average(key: str, drawn: Any) -> Any:
-    """The mean of curves (pairs, points); of spectra the mean of the logarithms."""
+    """Average curves (pairs, points); spectra are averaged as logarithms."""
     return np.exp(np.log(drawn).mean(axis=0)) if key == "power" else drawn.mean(axis=0)
