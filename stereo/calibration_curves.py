@@ -139,7 +139,7 @@ def _measure_pair(
             for method in methods:
                 same = alike and method.lidar is None  # range points are placed by the camera too
                 disparity = matched[method.label] if same else _match(prepared, method, ranges)
-                yield _measure(prepared, method.label, disparity, key, value)
+                yield _measure_error(prepared, method.label, disparity, key, value)
 
 
 def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRange]) -> Array:
@@ -156,7 +156,7 @@ def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, val
     return replace(exact, left=left, right=right, images=images, assumed_camera=assumed)
 
 
-def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> MeasuredError:
+def _measure_error(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> MeasuredError:
     depth, known = disparity_to_depth(prepared, disparity), prepared.known
     measured = known & is_usable(depth)
     relative = np.abs(depth[measured] / prepared.truth[measured] - 1)

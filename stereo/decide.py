@@ -322,7 +322,7 @@ def _match_other_suns(source: Source, run: _DecideRun, labels: Collection[str]) 
             if isinstance(found, IcyMoonError):
                 continue
             try:
-                found.append(_match(prepared, method, run.min_confidence))
+                found.append(_match_pair(prepared, method, run.min_confidence))
             except DiskError:
                 raise
             except Exception as error:
@@ -417,11 +417,11 @@ def _find_depth(
     matched = others.matched.get(method.label, [])
     if isinstance(matched, IcyMoonError):
         raise matched
-    disparities, seconds = zip(*matched, _match(prepared, method, min_confidence), strict=True)
+    disparities, seconds = zip(*matched, _match_pair(prepared, method, min_confidence), strict=True)
     return disparity_to_depth(prepared, join_disparities(np.stack(disparities))), sum(seconds)
 
 
-def _match(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
+def _match_pair(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
     """Match a pair by a method; return the disparity, px, and the processor seconds. If ``min_confidence`` is above 0,
     the disparity is NaN where the confidence is lower.
     """

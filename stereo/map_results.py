@@ -80,8 +80,8 @@ def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
     west, south, east, north = frame.bounds
     easting, northing = frame.to_map(position_m[:, 0], position_m[:, 1])
     counts = math.floor((east - west) / pixel[0] + 1e-9), math.floor((north - south) / pixel[1] + 1e-9)
-    columns = _range_of_cells((easting - west) / pixel[0], counts[0])
-    rows = _range_of_cells((northing - south) / pixel[1], counts[1])
+    columns = _find_cell_range((easting - west) / pixel[0], counts[0])
+    rows = _find_cell_range((northing - south) / pixel[1], counts[1])
     if not len(columns) or not len(rows):
         raise IcyMoonError(f"Cells of {cell_m:g} m are larger than the map of the ground; give smaller ones to --maps.")
     if max(len(columns), len(rows)) > _MAX_CELLS:
@@ -95,7 +95,7 @@ def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
     return MapCells(frame, Grid(cell_m, len(rows), len(columns), float(x), float(y)), (pixel[0], pixel[1]), *corner)
 
 
-def _range_of_cells(at: Array, count: int) -> range:
+def _find_cell_range(at: Array, count: int) -> range:
     """Return the range of the cells, out of ``count``, that contain positions ``at``, in cells."""
     return range(max(0, math.floor(at.min())), min(count, math.floor(at.max()) + 1))
 

@@ -158,7 +158,7 @@ def _compare_and_map(
         if points:
             row["images"] = add_points(row["images"], run.out, prepared, disparity)
         if frame is not None:
-            row["images"] = _add_maps(row["images"], run, prepared, frame, method, disparity)
+            row["images"] = _add_ground_maps(row["images"], run, prepared, frame, method, disparity)
         if row != rows[label]:
             yield _make_row_event(row, "update")
 
@@ -199,7 +199,7 @@ def _find_confidences(
     return found, warnings
 
 
-def _add_maps(
+def _add_ground_maps(
     images: dict[str, Any], run: MeasureRun, prepared: PreparedPair, frame: MapFrame, method: Method, disparity: Array
 ) -> dict[str, Any]:
     """Return the ``images`` of a row with its maps added. The maps are written beside the disparity unless they

@@ -46,12 +46,12 @@ class HeadView:
     @property
     def depth_m(self) -> Array:
         """Depth along the optical axis, m, float64 (H, W); negative for points behind a camera with a wide field."""
-        return self.distance_m * _rays(self.camera)[1][..., 2]
+        return self.distance_m * _make_camera_rays(self.camera)[1][..., 2]
 
     @property
     def points_m(self) -> Array:
         """Points at the pixels, m, in the world's axes, float64 (H, W, 3)."""
-        origins, directions = _rays(self.camera)
+        origins, directions = _make_camera_rays(self.camera)
         own = origins + directions * self.distance_m[..., None]
         return np.asarray(own @ self.camera.rotation.T + self.camera.position_m)
 
@@ -72,7 +72,7 @@ class HeadImage:
         return self.grey if self.colour is None else self.colour[..., ::-1]
 
 
-def _rays(camera: HeadCamera) -> tuple[Array, Array]:
+def _make_camera_rays(camera: HeadCamera) -> tuple[Array, Array]:
     return make_rays_of_pixels(camera.projection, make_pixel_grid(*camera.projection.size_px))
 
 
@@ -93,7 +93,7 @@ def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
     _check_size(image, light.radiance, camera.rendered.size_px)
     _check_size(truth, seen.depth, camera.projection.size_px)
     if image != truth:
-        places = show_points(camera.rendered, _rays(camera)[1])
+        places = show_points(camera.rendered, _make_camera_rays(camera)[1])
         light = Light(_resample(light.radiance, places), {k: _resample(v, places) for k, v in light.groups.items()})
     return HeadView(camera, light, find_scene_depth(seen), seen.normal, seen.instance, seen.semantic)
 

@@ -137,7 +137,7 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 @lru_cache(maxsize=2)
 def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     """Make the lens of a calibrated eye that was rendered by the parallel rig, or as a panorama."""
-    rays = _rectified_rays(camera)
+    rays = _make_rectified_rays(camera)
     return Lens(
         project_to_light(find_rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
@@ -147,7 +147,7 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     )
 
 
-def _rectified_rays(camera: StereoCamera) -> Array:
+def _make_rectified_rays(camera: StereoCamera) -> Array:
     """Return the directions (H, W, 3) of the pixels of the rectified image, with length 1 along the optical axis."""
     pixels = make_pixel_grid(camera.width_px, camera.height_px)
     points = (pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px

@@ -22,7 +22,7 @@ def sample(image: Array, places: Array) -> Array:
     """Sample ``image`` (H, W) at columns and rows (..., 2), float64; NaN beyond its outermost pixel centres, and for
     NaN. At pixel centres the result is the image itself. Beyond the borders the image counts as mirrored.
     """
-    coefficients = _filter(_filter(np.asarray(image, np.float64)).T).T
+    coefficients = _filter_columns(_filter_columns(np.asarray(image, np.float64)).T).T
     height, width = coefficients.shape
     flat = places.reshape(-1, 2).astype(np.float64)
     with np.errstate(invalid="ignore"):
@@ -37,7 +37,7 @@ def sample(image: Array, places: Array) -> Array:
     return found.reshape(places.shape[:-1])
 
 
-def _filter(image: Array) -> Array:
+def _filter_columns(image: Array) -> Array:
     """Compute the coefficients of the splines along each column."""
     count = len(image)
     if count == 1:

@@ -54,18 +54,18 @@ def list_matcher_names() -> tuple[str, ...]:
 
 def get_matcher_title(method: str) -> str:
     """Return a matcher's title for tables, charts, sentences and the window."""
-    return _literal_text(method, "TITLE") or method
+    return _read_literal_text(method, "TITLE") or method
 
 
 def get_matcher_needs(method: str) -> str:
     """Return the requirements of a matcher beside the evaluator, in words; "" if it has none."""
-    return _literal_text(method, "NEEDS")
+    return _read_literal_text(method, "NEEDS")
 
 
 def list_matcher_titles() -> dict[str, str]:
     """List the titles, by name, of Icy Moon's matchers that need no setup by the user."""
     found = find_plugins().usable.items()
-    return {name: title for name, plugin in found if plugin.built_in and (title := _literal_text(name, "TITLE"))}
+    return {name: title for name, plugin in found if plugin.built_in and (title := _read_literal_text(name, "TITLE"))}
 
 
 def list_set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
@@ -82,7 +82,7 @@ def uses_one_processor(method: str) -> bool:
     return plugin is not None and read_fact(plugin, "ONE_PROCESSOR") is True
 
 
-def _literal_text(method: str, fact: str) -> str:
+def _read_literal_text(method: str, fact: str) -> str:
     plugin = find_plugins().usable.get(method)
     stated = read_fact(plugin, fact) if plugin else ""
     return show_controls(stated) if isinstance(stated, str) else ""

@@ -115,7 +115,7 @@ def guard_inference(method: str) -> Iterator[None]:
             f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
         ) from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{get_matcher_title(method)} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{get_matcher_title(method)} failed in PyTorch ({_find_first_line(error)}).") from None
 
 
 def to_batch(image: Array, device: torch.device) -> torch.Tensor:
@@ -152,7 +152,7 @@ def read_parameters(path: Path) -> dict[str, Any]:
         raise IcyMoonError(f"{path} contains more than parameters, or is damaged; download it again.") from None
     except Exception as error:  # for a damaged file the parser may raise anything
         raise IcyMoonError(
-            f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it again."
+            f"{path} cannot be read as a checkpoint ({_find_first_line(error)}); download it again."
         ) from None
     if isinstance(stored, dict) and isinstance(stored.get("state_dict"), dict):
         stored = stored["state_dict"]
@@ -171,7 +171,7 @@ def _read_safetensors(path: Path) -> dict[str, Any]:
         return dict(load_file(path))
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"{path} cannot be read as a file of safetensors ({_first_line(error)}); copy or download it again."
+            f"{path} cannot be read as a file of safetensors ({_find_first_line(error)}); copy or download it again."
         ) from None
 
 
@@ -211,5 +211,5 @@ def fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, title: 
     model.load_state_dict(given, strict=True)
 
 
-def _first_line(error: Exception) -> str:
+def _find_first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]

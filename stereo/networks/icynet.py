@@ -84,7 +84,7 @@ def _halve_levels(x: Tensor) -> Tensor:
     return x.reshape(n, d // 2, 2 * c, h, w)
 
 
-def _double(x: Tensor) -> Tensor:
+def _double_size(x: Tensor) -> Tensor:
     """Double the disparities, rows and columns of volumes."""
     n, d, c, _, _ = x.shape
     wide = F.interpolate(x.flatten(0, 1), scale_factor=2, mode="nearest")
@@ -110,8 +110,8 @@ class _Hourglass(nn.Module):
         whole = self.enter(correlation)
         half = self.keep[0](self.down[0](_halve_levels(whole)))
         quarter = self.keep[1](self.down[1](_halve_levels(half)))
-        half = self.up[0](_double(self.narrow[0](quarter)) + half)
-        whole = self.up[1](_double(self.narrow[1](half)) + whole)
+        half = self.up[0](_double_size(self.narrow[0](quarter)) + half)
+        whole = self.up[1](_double_size(self.narrow[1](half)) + whole)
         return self.leave(whole.flatten(0, 1)).view(correlation.shape[0], -1, *correlation.shape[-2:])
 
 

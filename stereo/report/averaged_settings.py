@@ -27,7 +27,7 @@ def describe_averaging(
     most = max(map(len, groups), default=0)
     if most <= 1:
         return "Each point is one pair."
-    found = [_count_text(_find_range_of_distinct(table.scenes, groups), "scene")]
+    found = [_format_count_range(_find_range_of_distinct(table.scenes, groups), "scene")]
     poses: dict[str, int] = {}
     named = []
     for sweep in sweeps:
@@ -43,7 +43,7 @@ def describe_averaging(
         named = [*named[:_MAX_NAMED], format_count(len(named) - _MAX_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
-        return f"Each point is the mean over {_count_text(_find_range_of_sizes(groups), 'pair')}."
+        return f"Each point is the mean over {_format_count_range(_find_range_of_sizes(groups), 'pair')}."
     return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
 
 
@@ -57,7 +57,7 @@ def _find_range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
     return min(map(len, groups)), max(map(len, groups))
 
 
-def _count_text(numbers: tuple[int, int], what: str) -> str:
+def _format_count_range(numbers: tuple[int, int], what: str) -> str:
     """Write the number of averaged items per point in words; "" if each point has one item."""
     least, most = numbers
     if most < 2:

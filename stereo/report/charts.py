@@ -146,7 +146,7 @@ def _set_percent_axis(axis: Axes, label: str) -> None:
     axis.set_ylabel(label)
 
 
-def start_at_zero(axis: Axes) -> None:
+def start_axis_at_zero(axis: Axes) -> None:
     """Start the y axis at 0, with room for whole marks at both ends."""
     top = axis.get_ylim()[1]
     axis.set_ylim(-0.02 * top, 1.06 * top)
@@ -228,7 +228,7 @@ def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
             axis.set_xlabel("phase angle (°)")
             axis.set_ylabel("disc brightness over that at 0°")
             if last == PHASE_DEG[-1]:
-                start_at_zero(axis)
+                start_axis_at_zero(axis)
             handles, labels = axis.get_legend_handles_labels()
             axis.figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=2.4)
     return found
@@ -290,7 +290,7 @@ def _draw_front(summary: Summary) -> list[str]:
             axis.step(*zip(*best, strict=True), where="post", color=_INK_PLACEHOLDER, linewidth=1, zorder=2)
             set_logarithmic(axis, "x")
             axis.margins(x=0.25, y=0.15)
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_xlabel("processor seconds a pair")
             axis.set_ylabel("% missing or off by > 1 px")
     return found
@@ -332,7 +332,7 @@ def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
                 [look["label"][:_LONGEST_LABEL] for *_, look in iterate_methods(summary)],
                 rotation=25 if len(summary) > 4 else 0,
             )
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_ylabel(label)
     return found
 
@@ -392,7 +392,7 @@ def _draw_histograms(summary: Summary) -> list[str]:
         for look, counts in entries:
             axis.plot(part, _average_by_fraction(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK_PLACEHOLDER, linewidth=0.8)
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
     with add_panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
@@ -436,7 +436,7 @@ def _draw_errors(summary: Summary) -> list[str]:
                 )
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
     return found
 
 
@@ -457,7 +457,7 @@ def _draw_confidence(summary: Summary) -> list[str]:
                 axis.plot(100 * np.array(KEPT_SHARES), values["best"], **line | {"label": "_", "linewidth": 0.7})
         axis.set_xlabel("% of measurements kept, the surest first")
         axis.set_ylabel("mean disparity error (px)")
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
     with add_panel(found, "confidence", "Calibration") as axis:
         for line, measure, values in curves:
             n, right, stated = (np.array(values["calibration"][key]) for key in CALIBRATION_SUMS)
@@ -557,6 +557,6 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                     )
             axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_ylabel("% missing or > 1 px")
     return found

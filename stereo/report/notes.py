@@ -155,16 +155,16 @@ class Notes:
             doubt, by_bake = max(doubt for doubt, _ in self._decided), [by_bake for _, by_bake in self._decided]
             names = {"quality.bake_samples" if each else "quality.samples" for each in by_bake}
             yield Note(
-                f"{NOISE_DECIDES}{self._count_text(len(self._decided))}",
+                f"{NOISE_DECIDES}{self._format_pair_count(len(self._decided))}",
                 "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
                 f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
                 f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
-                + _bake_text(by_bake),
+                + _describe_baked_noise(by_bake),
                 True,
             )
         if self._unknown:
             yield Note(
-                f"The noise of baked light is unknown{self._count_text(self._unknown)}",
+                f"The noise of baked light is unknown{self._format_pair_count(self._unknown)}",
                 "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
                 "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
                 "better than they are; render these pairs again into another data set.",
@@ -172,11 +172,12 @@ class Notes:
             )
         if self._noisy:
             yield Note(
-                f"The render is noisy{self._count_text(len(self._noisy))}",
-                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise." + _bake_text(self._noisy),
+                f"The render is noisy{self._format_pair_count(len(self._noisy))}",
+                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise."
+                + _describe_baked_noise(self._noisy),
             )
 
-    def _count_text(self, count: int) -> str:
+    def _format_pair_count(self, count: int) -> str:
         return f" in {count} of {self._pairs} pairs" if self._pairs > 1 else ""
 
     @staticmethod
@@ -197,7 +198,7 @@ class Notes:
         )
 
 
-def _bake_text(by_bake: Sequence[bool]) -> str:
+def _describe_baked_noise(by_bake: Sequence[bool]) -> str:
     """Write the warning on pairs in which noise of baked light is the larger part of the noise; "" without such
     pairs.
     """

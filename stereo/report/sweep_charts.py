@@ -32,7 +32,7 @@ from .charts import (
     add_panel,
     iterate_methods,
     make_figure,
-    start_at_zero,
+    start_axis_at_zero,
 )
 from .summary import ResultTable
 from .varied_on_purpose import FactorLines, choose_lines
@@ -196,7 +196,7 @@ def _draw_sweep(
     for k, _, look in iterate_methods(summary):
         _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _make_line_style(sweep)})
     _finish_axis(sweep, axis, metric[2], table)
-    start_at_zero(axis)
+    start_axis_at_zero(axis)
 
 
 def _draw_lines(

@@ -64,7 +64,7 @@ def write_results(
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table, notes = ResultTable(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}
-    ran_on = _fill(table, notes, log, facts, places)
+    ran_on = _fill_table_and_notes(table, notes, log, facts, places)
     comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
@@ -98,7 +98,7 @@ def write_results(
     return report
 
 
-def _fill(
+def _fill_table_and_notes(
     table: ResultTable, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> dict[str, list[Any]]:
     """Add the facts of all pairs and all rows to a table and to notes. Return the distinct facts on the runs of each

@@ -34,7 +34,7 @@ def make_variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str
     margin = _find_time_margin(rows)
     return [
         line for name, each in _list_subjects(methods) for line in _make_matcher_advice(name, each, rows, scene, margin)
-    ] + _group_advice(rows, scene, methods, margin)
+    ] + _make_group_advice(rows, scene, methods, margin)
 
 
 def _list_subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
@@ -272,7 +272,7 @@ def _format_ratio(scene: Row, best: Row, margin: float) -> str:
     return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _is_cheaper(scene, best, margin) else ""
 
 
-def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
+def _make_group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
     """Write a line for each group except the samples: the cheapest variant that is as good as the scene, if it saves
     time.
     """

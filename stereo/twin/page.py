@@ -109,7 +109,7 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
             with add_panel(found, f"twin-{key}", title) as axis:
                 for k, side in enumerate(SIDES):
                     curves = [record[side]["curves"] for record in records]
-                    places = _find_places(key, curves)
+                    places = _find_curve_places(key, curves)
                     drawn = np.array([curve[key] for curve in curves if len(curve[key]) == len(places)], float)
                     if not drawn.size:
                         continue
@@ -117,7 +117,10 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
                     for line in drawn[:_MAX_CURVES] if len(drawn) > 1 else ():
                         axis.plot(places, line, color=METHOD_COLOURS[k], linewidth=0.6, alpha=0.35)
                     axis.plot(
-                        places, _average(key, drawn), color=METHOD_COLOURS[k], label=html.escape(_SIDE_TITLES[side])
+                        places,
+                        _average_curves(key, drawn),
+                        color=METHOD_COLOURS[k],
+                        label=html.escape(_SIDE_TITLES[side]),
                     )
                 axis.set_xlabel(label)
                 axis.set_ylabel("power" if key == "power" else "pixels (%)")
@@ -130,7 +133,7 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
+def _find_curve_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
     """Find the x coordinates of the points of a curve."""
     if key == "power":
         return max((curve["cycles"] for curve in curves), key=len)
@@ -138,6 +141,6 @@ def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
     return (bounds[1:] + bounds[:-1]) / 2 if key == "levels" else np.sqrt(bounds[1:] * bounds[:-1])
 
 
-def _average(key: str, drawn: Any) -> Any:
+def _average_curves(key: str, drawn: Any) -> Any:
     """Average curves (pairs, points); spectra are averaged as logarithms."""
     return np.exp(np.log(drawn).mean(axis=0)) if key == "power" else drawn.mean(axis=0)

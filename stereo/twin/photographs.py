@@ -188,7 +188,7 @@ def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> 
     pixels: dict[str, Array | None] = {}
     seen: dict[str, Array] = {}
     for eye, eyes_own, turn in zip(EYES, rig.cameras, turns, strict=False):
-        at = _project(eyes_own, rays @ turn)
+        at = _project_rays(eyes_own, rays @ turn)
         with np.errstate(invalid="ignore"):
             seen[eye] = np.asarray(((at >= 0.5) & (at <= np.array(eyes_own.size_px) - 0.5)).all(axis=-1))
             same = eyes_own.size_px == (camera.width_px, camera.height_px) and bool(
@@ -204,6 +204,6 @@ def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> 
     )
 
 
-def _project(camera: CalibratedCamera, rays: Array) -> Array:
+def _project_rays(camera: CalibratedCamera, rays: Array) -> Array:
     """Project rays (..., 3) in a camera's own axes to columns and rows (..., 2), counted from the image's corner."""
     return camera.placed(np.eye(3), np.zeros(3)).project(rays) + 0.5

@@ -80,7 +80,8 @@ def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -
     columns = [(quantity, "") for quantity in STATISTICS]
     columns += [(quantity, method.label) for method in methods for quantity in MATCHED]
     values = {
-        side: np.array([[_find(record[side], *column) for column in columns] for record in records]) for side in SIDES
+        side: np.array([[_find_quantity(record[side], *column) for column in columns] for record in records])
+        for side in SIDES
     }
     shares = np.array([quantity.share for quantity, _ in columns])
     pairs = np.arange(len(records))
@@ -100,7 +101,7 @@ def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -
     return rows, family.needed
 
 
-def _find(side: Mapping[str, Any], quantity: Quantity, method: str) -> float:
+def _find_quantity(side: Mapping[str, Any], quantity: Quantity, method: str) -> float:
     value = (side["matched"][method] if method else side["statistics"])[quantity.key]
     return float("nan") if value is None else float(value)
 
