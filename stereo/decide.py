@@ -102,7 +102,7 @@ class _DecideRun:
     pose: PoseError
     seed: int
     min_confidence: float
-    scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of the errors of maps, by label
+    scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of map errors, by label
 
     def find_method(self, label: str) -> Method | None:
         """Return the method with this label; None for the true depth."""

@@ -60,14 +60,15 @@ def evaluate(
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
     by default one for each processor; see ``measuring_processes.choose_process_count``. ``dask`` is the address of a
     Dask cluster whose workers measure instead, see ``measuring_cluster``.
-    ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
-    With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
-    ``points`` the measured surfaces are written too, and with ``maps``, the size of a cell in metres or 0 for a
-    suitable one, their heights and errors on the map of the ground, see ``map_results``. ``confidence`` are the
+
+    ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips. With
+    ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With ``points`` the
+    measured surfaces are written too. With ``maps`` their heights and errors are written on the map of the ground, see
+    ``map_results``; ``maps`` is the size of a cell in metres, or 0 for a suitable one. ``confidence`` are the
     ``confidence_metrics.MEASURES`` to measure; all but the matchers' own need more runs of each matcher.
 
     Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``comparisons.csv``, ``report.json``,
-    ``summary.json`` (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``,
+    ``summary.json`` (the same without rows and pairs) and ``report.html``. For each pair, ``pairs/<pair>/`` gets
     ``facts.json``, pictures, disparities, points and maps. Rows of an earlier run with the same pair, method, options,
     response and versions are kept and not computed again.
 

@@ -56,7 +56,7 @@ class RenderedPair:
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Read and develop the rendered pair, see ``prepare.prepare_pair``."""
+        """Read and develop the rendered pair, see ``measure.prepare_pair``."""
         return prepare_pair(self.folder, response)
 
 

@@ -48,7 +48,7 @@ class MeasureTask:
 
     pair: str
     content: str  # digest of everything that its numbers depend on
-    keys: Mapping[str, str]  # of its rows, by the label of the method
+    keys: Mapping[str, str]  # keys of its rows, by the label of the method
     rows: Mapping[str, Row]  # the rows of an earlier run, by the label of the method
 
 

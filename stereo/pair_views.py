@@ -31,7 +31,7 @@ from .images.lettering import measure_text_width_px, put_text
 MAX_PX = 1280
 _INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark theme
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
-_COLOUR_SHARE = 0.6  # of the depth's colours over the left image
+_COLOUR_SHARE = 0.6  # opacity of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 _MIN_LETTERED_PX = 400  # columns of an eye's image beside which captions and numbers have room
 
@@ -65,7 +65,7 @@ class PairViews:
     shown_left: Array  # (H, W, 3), R, G, B: in colour if the sensor sees it
     shown_right: Array
     depth: Array  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
-    scale: Scale  # of the depth's colours
+    scale: Scale  # colour scale of the depth
     range_m: tuple[float, float] | None  # nearest and farthest depth; None if the image shows only sky
     exposures_s: tuple[float, ...]
     saturated: float  # share of the left pixels

@@ -49,8 +49,8 @@ def make_result_row(
 
 
 def _find_bm_least(method: Method, info: Mapping[str, Any]) -> int | None:
-    """Find the least disparity of a map that StereoBM alone computed. None for other maps, also for those joined with
-    range points, in which failed matches have no mark.
+    """Find the least disparity of a map that StereoBM alone computed. None for other maps, also for maps that were
+    joined with range points, in which failed matches have no mark.
     """
     return info["options"]["min_disparity"] if method.name == "bm" and method.lidar is None else None
 

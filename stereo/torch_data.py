@@ -95,9 +95,7 @@ class Dataset:
         return len(self.pairs)
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch whose crops, noise and augmentation are drawn; call it before a ``DataLoader`` starts its
-        workers.
-        """
+        """Set the epoch of crops, noise and augmentation; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:
@@ -165,8 +163,8 @@ class Cameras:
     axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``,
     ``role``, ``model``, ``pair`` and ``scene``.
 
-    ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. For
-    the other parameters see ``Dataset``. Raises IcyMoonError if no camera is left.
+    ``cameras`` and ``roles`` choose cameras by name and by role; without both, all cameras are chosen. Only images of
+    one size fit into a batch. For the other parameters see ``Dataset``. Raises IcyMoonError if no camera is left.
     """
 
     def __init__(
@@ -201,7 +199,7 @@ class Cameras:
         return len(self.samples)
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch whose noise is drawn; call it before a ``DataLoader`` starts its workers."""
+        """Set the epoch of the noise; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:

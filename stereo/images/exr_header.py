@@ -29,8 +29,8 @@ class Channel:
 
     @property
     def full_name(self) -> str:
-        """The name of the channel, preceded by the part's name unless it begins with it already, because parts may
-        share names of channels.
+        """The name of the channel. The part's name precedes it unless the channel's name begins with it, because parts
+        may share names of channels.
         """
         first = self.part_name.partition(".")[0]
         is_named = not first or self.name.startswith(f"{first}.")

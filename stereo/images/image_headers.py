@@ -59,7 +59,7 @@ class EncodedImage:
     content: bytes
     width: int
     height: int
-    most_bytes: int  # of all pixels
+    most_bytes: int  # most bytes of all pixels
     orientation: int = UPRIGHT  # the EXIF orientation, by which viewers turn the image
 
 

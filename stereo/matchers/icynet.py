@@ -1,8 +1,8 @@
 """icynet, a small network whose weights come with Icy Moon, trained on pairs made by rays; see ``networks.icynet``.
 
 It takes grey images of any size and searches the pair's own range. It runs in PyTorch, or else in ONNX Runtime; both
-give the same numbers to 1e-4 px. Your own weights, of `python -m icymoon.stereo train`, are a file of safetensors, for
-PyTorch, or ONNX, for ONNX Runtime.
+give the same numbers to 1e-4 px. Your own weights, from `python -m icymoon.stereo train`, are a safetensors file for
+PyTorch, or an ONNX file for ONNX Runtime.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def judge_matches(found: Search, least: int, most: int, window: int, uncertainty
     """
     best = found.best.astype(np.int32)
     column = np.arange(best.shape[1], dtype=np.int32)
-    last = np.minimum(most, column) - least  # of the disparities searched; below 0 where none fits
+    last = np.minimum(most, column) - least  # index of the last searched disparity; below 0 where none fits
     border = (best == 0) | (best >= last)
     matched = np.take_along_axis(found.best_right, np.maximum(column - best - least, 0), axis=1)
     before, after, score = (scores.astype(np.int32) for scores in (found.before, found.after, found.score))

@@ -127,7 +127,7 @@ class _Input:
     eyes: tuple[str, ...]
     dtype: type
     channels_last: bool
-    channels: int  # of one image
+    channels: int  # number of channels of one image
     height: int | None  # None where it is free
     width: int | None
 

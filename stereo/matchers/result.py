@@ -84,4 +84,4 @@ class Result:
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
     facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance
     costs: dict[str, float] = field(default_factory=dict)  # costs of another process, by names from metrics.COSTS
-    confidence: Confidence | None = None  # of each pixel, if the matcher states one
+    confidence: Confidence | None = None  # confidence in each pixel, if the matcher states one

@@ -150,7 +150,9 @@ class ClassCells:
     """
 
     def __init__(self, classes: Mapping[str, Array], known: Array) -> None:
-        """``classes``: see ``classify_pixels``; ``known``, Boolean (H, W), the pixels that have a true depth."""
+        """Group the pixels that have a true depth, ``known`` (H, W), bool, by their ``classes``, see
+        ``classify_pixels``.
+        """
         cell = np.zeros(int(known.sum()), np.int32)
         for factor, count in zip(FACTORS, _CLASS_COUNTS, strict=True):
             cell *= count
@@ -172,7 +174,8 @@ def sum_by_class(
     true_disparity: Array,
     doffs_px: float = 0.0,
 ) -> dict[str, dict[str, list[float]]]:
-    """Sum SUMS per class of every factor of ``classify_pixels``; return {factor: {sum: a number per class}}.
+    """Compute the SUMS of each class of every factor of ``classify_pixels``; return {factor: {sum: a number per
+    class}}.
 
     The arrays (pixels,) are of the pixels of ``cells``. ``doffs_px``: see ``StereoCamera``.
     """

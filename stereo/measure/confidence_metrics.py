@@ -172,7 +172,7 @@ def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:
 
 
 def sum_by_confidence(errors: Array, confidence: Array) -> dict[str, list[float]]:
-    """Sum CALIBRATION_SUMS of measurements with errors in px, by CALIBRATION_CLASSES of their confidence from 0
+    """Compute the CALIBRATION_SUMS of measurements with errors in px, by CALIBRATION_CLASSES of their confidence from 0
     to 1.
     """
     place = np.clip((confidence * CALIBRATION_CLASSES).astype(int), 0, CALIBRATION_CLASSES - 1)

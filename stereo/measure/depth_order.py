@@ -51,7 +51,7 @@ class TrueOrder:
     """The order of the true depths of an image, with which the orders of predictions are compared."""
 
     def __init__(self, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False) -> None:
-        """``truth`` (pixels,) contains positive finite depths."""
+        """Sort the true depths (pixels,), which are positive and finite."""
         self._rule = tolerance, antisymmetric
         self._order = np.argsort(truth)
         depth, rank, size = _rank_depths(truth[self._order])
@@ -180,7 +180,7 @@ class _Level:
     """
 
     counts: _DigitCounts
-    digits: Array  # of the limits
+    digits: Array  # the digit of each limit
     begins: Array  # index of the first value with the same higher digits as a limit
     before: list[Array]  # the counts at ``begins``
     equal: Array  # number of values before ``begins`` that have the digit of a limit

@@ -81,9 +81,9 @@ class Estimate:
 class TruthOffsets:
     """The corrections that make the truth of both eyes agree. Each is computed as if it were the only one."""
 
-    shift_px: Estimate = Estimate()  # of the right eye along the rows
+    shift_px: Estimate = Estimate()  # shift of the right eye along the rows
     scale: Estimate = Estimate()  # share by which the stated f·B is too large
-    rows_px: Estimate = Estimate()  # of the right eye along the columns
+    rows_px: Estimate = Estimate()  # shift of the right eye along the columns
     likeliest: str = "shift_px"  # the correction that leaves the smallest difference
 
 
@@ -91,8 +91,8 @@ class TruthOffsets:
 class LightOffsets:
     """The shifts at which the light of the right image, moved by the true disparity, fits the left image."""
 
-    shift_px: Estimate = Estimate()  # along the rows
-    rows_px: Estimate = Estimate()
+    shift_px: Estimate = Estimate()  # shift along the rows
+    rows_px: Estimate = Estimate()  # shift along the columns
     correlation: float = float("nan")  # at the best shift, 1 for images that agree
     gain: Estimate = Estimate()  # gain of the correlation by that shift
     rows_gain: Estimate = Estimate()
@@ -260,7 +260,7 @@ class _ShiftedImage:
     """An image at the fractional columns that match the pixels of another image, and beside them."""
 
     def __init__(self, image: Array, column: Array) -> None:
-        """``column`` (H, W) lies inside the image."""
+        """Set the image and its columns ``column`` (H, W), which lie inside it."""
         self._side_columns, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
         self._padded = np.pad(image, ((self._above,) * 2, (self._side_columns,) * 2), mode="edge")
         self._width = self._padded.shape[1]

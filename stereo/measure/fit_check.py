@@ -117,7 +117,7 @@ def find_common_places(left: Array, right: Array) -> MatchedPlaces:
 
 
 def make_true_places(disparity: Array) -> MatchedPlaces:
-    """Make the true disparity (H, W) of a pair, NaN where unknown, to matched places."""
+    """Make matched places from the true disparity (H, W) of a pair, px, NaN where unknown."""
     step = max(1, math.ceil(disparity.shape[1] / _REDUCED_COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
     return MatchedPlaces(thinned, np.full_like(thinned, np.nan), step)

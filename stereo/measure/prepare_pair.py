@@ -101,7 +101,7 @@ class PreparedPair:
 
     @cached_property
     def known(self) -> Array:
-        """Boolean (H, W): whether the pixel has a true depth."""
+        """Mask (H, W), bool, of the pixels that have a true depth."""
         return is_usable(self.truth)
 
     @cached_property

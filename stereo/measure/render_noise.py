@@ -55,7 +55,7 @@ _DEVIATION_OF_MEDIAN = 1.4826
 
 @dataclass(frozen=True)
 class LightPart:
-    """Noise of the pixels in sunlight, or of those in shadow."""
+    """Noise of the pixels in sunlight, or of the pixels in shadow."""
 
     share: float  # share of the pixels that could be compared
     noise_dn: float | None  # standard deviation of the noise of one eye, in grey levels of 255

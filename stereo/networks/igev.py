@@ -21,7 +21,7 @@ from .igev_layers import (
     UpdateBlock,
 )
 
-GROUPS = 8  # number of groups of channels, each of which is correlated separately
+GROUPS = 8  # number of groups of channels, each correlated separately
 LEVELS = 2  # number of scales of the volumes that are looked up
 RADIUS = 4  # radius of the look-up, px of its level
 SIZE_STEP = 32  # image sides are multiples of this

@@ -164,6 +164,6 @@ def _make_sweep_title(name: str) -> str:
     try:
         setting = TOPICS[topic][key]
     except KeyError:
-        return name  # of another version of the settings
+        return name  # a setting of another version
     unit = "" if setting.unit in ("", "1") or "(" in setting.label else f" ({setting.unit})"
     return f"{TOPICS[topic].label}: {setting.label}{unit}"

@@ -157,7 +157,7 @@ def _name_value(name: str, value: str) -> str:
     try:
         setting = TOPICS[topic][key]
     except KeyError:
-        return f"{name} {value}"  # of another version of the settings
+        return f"{name} {value}"  # a setting of another version
     label = re.sub(r" \([^)]*\)$", "", setting.label)
     if setting.label in _SHARED_LABELS:
         label = f"{TOPICS[topic].label}: {label}"

@@ -55,7 +55,7 @@ class Report(TypedDict):
 
     format: str
     version: int
-    summary: list[dict[str, Any]]  # of each method, see ``summary.summarise_method``, with its ``ranks``
+    summary: list[dict[str, Any]]  # entry of each method, see ``summary.summarise_method``, with its ``ranks``
     curves: dict[str, str]  # pictures of the error by the setting that varies, relative to the report
     comparisons: list[Comparison]
     verdicts: str  # the conclusions of the comparisons
@@ -81,7 +81,7 @@ ROW: dict[str, Shape] = {
     "options": TABLE,  # all of the matcher
     "facts": TABLE,  # on the run of the method, if it states them
     "search": SEARCH,  # the disparities that were searched, and the share of true ones outside
-    "counts": Each(COUNT, TEXT),  # of pixels per outcome
+    "counts": Each(COUNT, TEXT),  # numbers of pixels per outcome
     "strata": TABLE,
     "sparsification": TABLE,
     "error_curve": Each(ANYTHING),
@@ -106,7 +106,7 @@ ROW: dict[str, Shape] = {
 }
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 LONG = ("strata", "sparsification", "histograms", "common", "confidence_curves")
-#: Shape of the facts of a pair (see ``prepare``): the entries that are read again.
+#: Shape of the facts of a pair (see ``measure.prepare_pair``): the entries that are read again.
 FACTS: dict[str, Shape] = {
     "pair": TEXT,
     "key": TEXT,

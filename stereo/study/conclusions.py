@@ -1,8 +1,8 @@
 """The conclusions of a study from its views: typical changes of errors and of gaps, the order of methods and of noise.
 
-A scene is a ground; its views are averaged first. A comparison is one family: the changes of all errors and of all gaps
-between methods are held at once. A change against the converged render is claimed only if the noise of that render,
-measured by its two halves, is below a tenth of the change.
+A scene is a ground; its views are averaged first. A comparison is one family: the intervals for the changes of all
+errors and of all gaps between methods hold simultaneously. A change against the converged render is claimed only if the
+noise of that render, measured by its two halves, is below a tenth of the change.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _find_changes(
     numbers: dict[str, Number],
     noise: dict[str, float],
 ) -> dict[str, dict[str, Any]]:
-    """Find the typical change of each number from one recipe to another, all held at once."""
+    """Find the typical change of each number from one recipe to another. Their intervals hold simultaneously."""
     columns = [_average_by_ground(cells, _compute_difference(number, of, against)) for number in numbers.values()]
     family = compare_in_typical_scene(np.stack(columns, axis=1), _SEED)
     return {
@@ -143,8 +143,8 @@ def _round_or_none(value: float) -> float | None:
 
 
 def _compare_orders(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
-    """Compute Kendall's tau of the methods' order by two recipes: its mean over views, and the share of views with one
-    order.
+    """Compute Kendall's tau between the methods' orders by two recipes: its mean over views, and the share of views in
+    which both orders are the same.
     """
     taus = {
         cell.view.name: compute_kendall_tau_b(

@@ -148,7 +148,9 @@ def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str,
 
 
 def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
-    """Find the variants of a front that are certainly better than those before; the others differ by noise."""
+    """Find the variants of a front that are certainly better than the variants before them; the others differ only by
+    noise.
+    """
     kept: list[Row] = []
     for row in found:
         if not kept or _find_front_error(kept[-1], label)[0] - _find_front_error(row, label)[0] > math.hypot(

@@ -39,7 +39,7 @@ class TradeBench:
     settings: Settings  # complete
     out: Path
     blender: str  # a Blender, or a Python with bpy
-    methods: str  # of the matchers, separated by commas
+    methods: str  # the methods, separated by commas
     samples: int  # per pixel of the reference
     repeats: int  # renders per variant; from two on, noise can be separated from other errors
     on_event: Event = lambda event: None
