@@ -1,4 +1,6 @@
-"""``python -m icymoon.stereo …``; where the package is not installed, ``python …/__main__.py stereo …``."""
+"""Run the evaluator: ``python -m icymoon.stereo …``, or ``python …/__main__.py stereo …`` without an installed
+package.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Measures the required accuracy of a calibration: matchers run on pairs that are rectified with one error after the
-other.
+"""Measure the required accuracy of a calibration: matchers run on pairs that are rectified with one calibration error
+at a time.
 
 A pair is read once. For each error it is developed again with the same noise, matched and compared with the truth.
 """
@@ -47,7 +47,7 @@ MAGNITUDES: dict[str, tuple[float, ...]] = {
     "right_k1": (0.002, 0.005, 0.01, 0.02, 0.05),
     "k1": (0.005, 0.01, 0.03, 0.05, 0.1),
 }
-#: Numbers of a method on a pair in the curves and the file: key, factor and axis label.
+#: Numbers of a method on a pair that the curves and the file show: key, factor and axis label.
 SHOWN_NUMBERS = (
     ("median_relative_error", 100.0, "Median depth error (%)"),
     ("coverage", 100.0, "Coverage (%)"),
@@ -60,7 +60,9 @@ _CSV_COLUMNS = ("rig", "pair", "method", "setting", "error", *(key for key, _, _
 
 @dataclass(frozen=True)
 class MeasuredError:
-    """The result of a method on a pair with one error of the calibration: shares, NaN if nothing was measured."""
+    """The result of a method on a pair with one calibration error. The last two numbers are shares, NaN if nothing was
+    measured.
+    """
 
     rig: str
     pair: str
@@ -72,7 +74,8 @@ class MeasuredError:
 
 
 def parse_errors(stated: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Parse ``KEY=NUMBER,NUMBER…`` to the errors of each setting, by default both signs of ``MAGNITUDES``; 0 is added.
+    """Parse ``KEY=NUMBER,NUMBER…`` to the sorted errors of each setting, and add 0. Without a text, return both signs
+    of ``MAGNITUDES``.
 
     Raises IcyMoonError for a setting that does not exist or a number out of its range.
     """
@@ -90,7 +93,9 @@ def parse_errors(stated: Sequence[str]) -> dict[str, tuple[float, ...]]:
 
 
 def name_rig(camera: StereoCamera) -> str:
-    """A name for the rig of a pair, equal for pairs whose rigs have the same size, focal length and baseline."""
+    """Make a name for the rig of a pair from its size, focal length and baseline; rigs that share these have
+    one name.
+    """
     return (
         f"{camera.width_px} x {camera.height_px} px, focal length {camera.focal_px:.4g} px, "
         f"baseline {camera.baseline_m:.3g} m"
@@ -103,10 +108,10 @@ def measure_calibration(
     errors: Mapping[str, Sequence[float]],
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[MeasuredError]:
-    """Measure all rendered pairs at ``paths`` by all methods with all ``errors``, one at a time.
+    """Measure all rendered pairs at ``paths`` by all methods, with one of the ``errors`` at a time.
 
-    ``tell`` receives the numbers of finished and of all pairs. Raises IcyMoonError if there is no pair, or if a pair,
-    an error or a method cannot be used.
+    ``tell`` receives the numbers of finished pairs and of all pairs. Raises IcyMoonError if there is no pair, or if a
+    pair, an error or a method cannot be used.
     """
     folders, found = list_distinct_pairs(paths), list[MeasuredError]()
     for done, folder in enumerate(folders):
@@ -134,7 +139,7 @@ def _measure_pair(
             for method in methods:
                 same = alike and method.lidar is None  # range points are placed by the camera too
                 disparity = matched[method.label] if same else _match(prepared, method, ranges)
-                yield _measure(prepared, method.label, disparity, key, value)
+                yield _measure_error(prepared, method.label, disparity, key, value)
 
 
 def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRange]) -> Array:
@@ -151,7 +156,7 @@ def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, val
     return replace(exact, left=left, right=right, images=images, assumed_camera=assumed)
 
 
-def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> MeasuredError:
+def _measure_error(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> MeasuredError:
     depth, known = disparity_to_depth(prepared, disparity), prepared.known
     measured = known & is_usable(depth)
     relative = np.abs(depth[measured] / prepared.truth[measured] - 1)
@@ -167,10 +172,10 @@ def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, va
 
 
 def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float) -> float | None:
-    """The smallest absolute error, by linear interpolation, at which the mean is ``times`` the error-free mean.
+    """Find the smallest absolute error at which the mean is ``times`` the error-free mean, by linear interpolation.
 
-    With ``times`` above 1 the mean has grown to that value, else it has fallen to it. None if it reaches the value
-    nowhere. ``errors`` (n,) are in order, with 0 among them.
+    The mean must grow to this value if ``times`` is above 1, else fall to it. Return None if the mean never reaches the
+    value. ``errors`` (n,) are in order, with 0 among them.
     """
     place = list(errors).index(0.0)
     sign = 1.0 if times > 1 else -1.0
@@ -186,8 +191,8 @@ def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float
 
 
 def average_pairs(rows: Sequence[MeasuredError], rig: str, method: str, setting: str, key: str) -> tuple[Array, Array]:
-    """The errors (n,) of a setting, in order, and at each the mean (n,) of the number ``key`` over pairs; NaN without a
-    pair.
+    """Return the errors (n,) of a setting, in order, and the mean (n,) of the number ``key`` over pairs at each error,
+    NaN without a pair.
     """
     mine = [row for row in rows if (row.rig, row.method, row.setting) == (rig, method, setting)]
     errors = np.array(sorted({row.error for row in mine}))
@@ -197,8 +202,9 @@ def average_pairs(rows: Sequence[MeasuredError], rig: str, method: str, setting:
 
 
 def tabulate(rows: Sequence[MeasuredError]) -> list[dict[str, Any]]:
-    """For each rig, method and setting: error-free median depth error and coverage, the error that changes each by its
-    factor (None without one), and the largest error that was measured."""
+    """Make an entry for each rig, method and setting: the error-free median depth error and coverage, the error that
+    changes each by its factor (None if no error does), and the largest measured error.
+    """
     found = []
     for rig, method, setting in dict.fromkeys((row.rig, row.method, row.setting) for row in rows):
         errors, medians = average_pairs(rows, rig, method, setting, "median_relative_error")
@@ -232,7 +238,9 @@ def write_rows(rows: Sequence[MeasuredError], path: Path) -> None:
 
 
 def write_curves(rows: Sequence[MeasuredError], out: Path) -> list[Path]:
-    """Write a picture for each rig: the means of ``SHOWN_NUMBERS`` against each error, a line for each method."""
+    """Write a picture for each rig: the means of ``SHOWN_NUMBERS`` against each error, a line for each method. Return
+    the paths. Raises IcyMoonError without a result.
+    """
     rigs, methods = (list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("rig", "method"))
     if not rigs:
         raise IcyMoonError("There are no results to draw; measure a pair first.")

@@ -1,4 +1,6 @@
-"""Trying a plug-in of the evaluator on a pair whose truth is known, as a list of checks with their corrections."""
+"""Try a plug-in of the evaluator on a pair whose truth is known; the result is a list of checks with their
+corrections.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from .matchers.plug_in import PluginMatcher
 from .measure.metrics import is_usable
 from .measure.plug_in import MeasuredMap, PluginMetric
 
-#: Size of the trial's images, with odd sides on purpose; the farthest disparity, px; and its growth from row to row,
+#: Size of the trial's images, with odd sides on purpose; the disparity of the farthest row, px, and its growth per row,
 #: px.
 _HEIGHT, _WIDTH, _FARTHEST_PX, _ROW_PX = 119, 161, 9.0, 0.1
 #: Largest error, px, of a working matcher in most of its pixels; a wrong sign or unit gives ten times this error.
@@ -29,7 +31,9 @@ _FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
 
 def make_textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False) -> tuple[Array, Array, Array]:
-    """Two uint8 images of a textured, tilted plane, (H, W) or (H, W, 3), and the true disparity, float64 (H, W) px."""
+    """Make two uint8 images, (H, W) or (H, W, 3), of a textured, tilted plane, and their true disparity, float64 (H, W)
+    px.
+    """
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     disparity = np.broadcast_to(_FARTHEST_PX + _ROW_PX * y, (height, width)) * min(1.0, width / _WIDTH)
     left, right = (np.asarray(127.5 + 100 * _make_texture(x + shift, y), np.uint8) for shift in (0.0, disparity))
@@ -39,7 +43,7 @@ def make_textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool 
 
 
 def _make_texture(x: Array, y: Array) -> Array:
-    """Waves of 4 to 30 px in all directions, between -1 and 1."""
+    """Sum waves of 4 to 30 px in all directions to values between -1 and 1."""
     total = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     for k, wavelength in enumerate(np.geomspace(4.0, 30.0, 24)):
         angle = 2.399963 * k  # the golden angle: no two waves run alike
@@ -90,7 +94,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
 
 
 def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
-    """The fault of the plug-in's disparities in the trial, in words; empty if they are right."""
+    """Describe the fault of the plug-in's disparities in the trial in a sentence; return "" if they are right."""
 
     def share_right(values: Array) -> float:
         known = np.isfinite(values)
@@ -176,7 +180,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
     if exporter is None:
         return
     yield (ready := check_call("it can write here", exporter.check))
-    if ready.fault or exporter.reads_folders:  # whose pairs are not made here
+    if ready.fault or exporter.reads_folders:  # no pair folder is made here
         return
     with open_scratch_folder() as folder:
         written: dict[str, dict[str, str]] = {}

@@ -46,8 +46,9 @@ PROGRAM = "icymoon.stereo"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
-    interrupted."""
+    """Run one command and return the exit code: 0 for success, 1 for an error that the user can fix, 2 for wrong usage,
+    130 if interrupted.
+    """
     return run_verb(make_parser(), arguments, PROGRAM, "interrupted", _emit_error)
 
 
@@ -61,14 +62,14 @@ def _add_paths_argument(command: argparse.ArgumentParser, words: str = "pair fol
 
 
 def _add_report_folder(command: argparse.ArgumentParser, in_data_set: str) -> None:
-    """Add ``--out``, which has a default if ``in_data_set`` names a folder of the data set."""
+    """Add ``--out``. If ``in_data_set`` names a folder of the data set, ``--out`` is optional."""
     beside = f" ({in_data_set} in the data set)" if in_data_set else ""
     words = f"folder for the report{beside}"
     command.add_argument("--out", required=not in_data_set, type=as_path, help=words)
 
 
 def _report_failures(messages: Sequence[str], what: str) -> None:
-    """Raise IcyMoonError with the first of the messages, if there are any."""
+    """Raise IcyMoonError with the number of messages and the first one, if there are any."""
     if messages:
         raise IcyMoonError(f"{len(messages)} of the {what}, the first one: {messages[0]}")
 
@@ -154,7 +155,7 @@ def _add_export_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _list_takers(option: Option) -> str:
-    """The exports that take an option, in words."""
+    """List, in words, the exports that take an option."""
     return " or ".join(name for name in find_plugins().usable if option in list_options(name))
 
 
@@ -181,7 +182,7 @@ def _add_poses_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _name_accepted_plugin(name: str, found: Found) -> str:
-    """The name of a plug-in. A refused plug-in raises the error that argparse shows."""
+    """Return the name of a plug-in. Raises argparse's error, which the user sees, for a refused plug-in."""
     if name in found.refused and name not in found.usable:
         raise argparse.ArgumentTypeError(found.refused[name])
     return name
@@ -357,7 +358,7 @@ def _add_confidence_option(command: argparse.ArgumentParser) -> None:
 
 
 def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
-    """The methods of ``evaluate``; empty if only predictions are evaluated."""
+    """Choose the methods of ``evaluate``. Return an empty list if only predictions are evaluated."""
     from .matchers.methods import list_default_methods, parse_methods
 
     chosen = ("" if parsed.predictions else list_default_methods()) if parsed.methods is None else parsed.methods
@@ -374,7 +375,7 @@ def _check_maps(parsed: argparse.Namespace) -> None:
 
 
 def _read_confidence_measures(text: str) -> list[str]:
-    """The measures of ``--confidence``, in the order of a table. Raises IcyMoonError for another word."""
+    """Read the measures of ``--confidence``, in the order of a table. Raises IcyMoonError for another word."""
     from .measure.confidence_metrics import MEASURES
 
     words = {name.replace("_", "-"): name for name in MEASURES}
@@ -416,7 +417,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
 
 
 def _evaluate_methods(parsed: argparse.Namespace, methods: Sequence[Method]) -> Report:
-    """Evaluate methods with the options of ``evaluate``."""
+    """Evaluate methods with the parsed options of ``evaluate``, and return the report."""
     from .evaluate import evaluate
 
     response = _read_response([], parsed.set)
@@ -497,7 +498,7 @@ def run_fuse(parsed: argparse.Namespace) -> int:
 
     matchers = _choose_methods(parsed)
     if any(matcher.lidar is not None for matcher in matchers):
-        raise IcyMoonError("--methods of fuse are matchers alone, and --points adds range points; leave +lidar out.")
+        raise IcyMoonError("For fuse, --methods takes matchers only, and --points adds range points; leave +lidar out.")
     shared = {"seed": str(parsed.points_seed)} | ({"returns": parsed.returns} if parsed.returns else {})
     sweep = PointSweep(
         _read_numbers("--points", parsed.counts, int),
@@ -519,7 +520,7 @@ def run_fuse(parsed: argparse.Namespace) -> int:
 
 
 def _measure_curves(parsed: argparse.Namespace, methods: Sequence[Method]) -> list[dict[str, Any]]:
-    """The rows of curves alone."""
+    """Measure the rows of the curves only, without an evaluation."""
     from .evaluated_pairs import check_response, find_sources
     from .fusion_curves import measure_curves
 
@@ -530,7 +531,7 @@ def _measure_curves(parsed: argparse.Namespace, methods: Sequence[Method]) -> li
 
 
 def _read_numbers(option: str, text: str, kind: Callable[[str], Any]) -> list[Any]:
-    """The numbers of a list with commas. Raises IcyMoonError for another text."""
+    """Read the numbers of a comma-separated list. Raises IcyMoonError for another text."""
     try:
         return [kind(each) for each in text.split(",")]
     except ValueError:
@@ -538,7 +539,9 @@ def _read_numbers(option: str, text: str, kind: Callable[[str], Any]) -> list[An
 
 
 def _print_crossovers(sweep: PointSweep, matchers: Sequence[Method], curves: Sequence[dict[str, Any]]) -> None:
-    """Print from which number of points on the interpolation alone beats each matcher on each pair."""
+    """Print, for each pair and matcher, the number of points from which on the interpolation alone beats the
+    matcher.
+    """
     from .fusion_curves import METRICS, find_crossover
     from .matchers.methods import describe_method
 
@@ -618,7 +621,7 @@ def _add_decision_inputs(command: argparse.ArgumentParser) -> None:
 
 
 def _check_decide_options(parsed: argparse.Namespace) -> None:
-    """Raise IcyMoonError for numbers that no decision can have."""
+    """Raise IcyMoonError for numbers that ``decide`` cannot use."""
     check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
     if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
         raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
@@ -655,7 +658,9 @@ def _add_calibration_options(command: argparse.ArgumentParser) -> None:
 
 
 def _read_calibration_order(parsed: argparse.Namespace) -> CalibrationOrder | None:
-    """The calibration to make, None without ``--calibrate``. Raises IcyMoonError for its options without it."""
+    """Read which calibration to make; None without ``--calibrate``. Raises IcyMoonError for options of ``--calibrate``
+    that are given without it.
+    """
     from .decisions.calibrated_run import CalibrationOrder
     from .decisions.calibration import Goal
 
@@ -783,7 +788,7 @@ def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
 
 @contextmanager
 def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a progress bar. Errors are raised, without a line on the bar."""
+    """Show a progress bar. Errors are raised instead of being shown on the bar."""
     with show_progress(title) as show:
         yield keep_progress(show)
 
@@ -838,7 +843,7 @@ def _run_poses(parsed: argparse.Namespace) -> int:
 
 
 def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The settings of presets and ``--set``. Raises IcyMoonError for a setting that needs a new render."""
+    """Read the settings of presets and ``--set``. Raises IcyMoonError for a setting that needs a new render."""
     from ..settings.description import merged, override
     from ..settings.preset_files import load_preset
     from ..settings.table import TOPICS
@@ -870,9 +875,9 @@ def _print_means(
 
 
 def _print_summary(report: Report) -> None:
-    """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones.
+    """Print the summary of ``evaluate`` as two tables: over all pixels, with the ranks, and over the measured pixels.
 
-    The best rank is bold where the scenes allow it.
+    The best rank is bold if another method is significantly worse.
     """
     from .matchers.methods import describe_method
     from .report.table_columns import (

@@ -1,4 +1,4 @@
-"""The verb ``days``: let a lander look, choose, dig and verify on grounds by rays, one day after another."""
+"""The verb ``days``: a lander looks, chooses, digs and verifies on ray-traced grounds, one day after another."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ _FACTS_SHAPE = {
 
 @dataclass(frozen=True)
 class PoseError:
-    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's position and direction."""
+    """Standard deviations, per axis, of the lander's error in the position and direction of its camera."""
 
     mm: float = 0.0
     deg: float = 0.0
@@ -102,20 +102,20 @@ class _DecideRun:
     pose: PoseError
     seed: int
     min_confidence: float
-    scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of the errors of maps, by label
+    scales: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)  # of map errors, by label
 
     def find_method(self, label: str) -> Method | None:
-        """The method with this label; None for the true depth."""
+        """Return the method with this label; None for the true depth."""
         return next((method for method in self.methods if method.label == label), None)
 
     def make_generator(self, *names: str) -> np.random.Generator:
-        """The generator of a pair, or of a method on it."""
+        """Make the random generator of a pair, or of a method on the pair, from their ``names``."""
         return make_generator(self.seed, "pose", *(int(make_json_digest(name), 16) % 2**32 for name in names))
 
     def prepare_calibrated_run(
         self, sources: Sequence[Source], order: CalibrationOrder | None, file: Path | None
     ) -> CalibratedRun:
-        """The calibration that this run makes by ``order`` or takes from ``file``."""
+        """Prepare the calibration that this run makes by ``order`` or takes from ``file``."""
         own = {m.label: make_json_digest([list_method_inputs(m), *list_lidar_inputs(m, "")]) for m in self.methods}
         suns = 1 if order is None and file is None else count_suns(sources)
         conditions = Conditions(DECISIONS_VERSION, self.rules, self.pose.mm, self.pose.deg, self.min_confidence, suns)
@@ -128,7 +128,7 @@ class _DecideRun:
         return prepare_calibrated_run(folders, self.response, self.cell_m or DEFAULT_CELL_M, bare, file)
 
     def make_digest(self, source: Source) -> str:
-        """A digest of everything that determines the rows of a pair, except their methods."""
+        """Make a digest of everything that determines the rows of a pair, except their methods."""
         limit = [self.min_confidence] if self.min_confidence else []
         stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed, *limit)
         return make_json_digest([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
@@ -152,24 +152,24 @@ def decide_pairs(
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
-    ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, maps of
-    suitability, slope and reach as npy, and pictures; with a ``calibration`` the standard deviations of heights, slopes
-    and roughnesses too, as ``<method>_height_sigma.npy`` and so on.
+    ``decisions.html``. For each pair, ``pairs/<pair>/`` gets the elevation models as GeoTIFF and npy, maps of
+    suitability, slope and reach as npy, and pictures. With a ``calibration`` it also gets the standard deviations of
+    heights, slopes and roughnesses, as ``<method>_height_sigma.npy`` and so on.
 
-    For ``cell_m`` see ``workspace.open_workspace``, and for
-    ``on_event`` see ``evaluate``. Measurements of less than ``min_confidence``, from 0 to 1, are not used; above 0 a
-    method that states no confidence fails.
+    For ``cell_m`` see ``workspace.open_workspace``, and for ``on_event`` see ``evaluate``. Measurements with a
+    confidence below ``min_confidence``, from 0 to 1, are not used; a method that states no confidence fails if this
+    limit is above 0.
 
-    ``calibrate`` writes a calibration from these grounds. ``calibration`` is the file of one that other grounds gave:
-    the chosen sites are guaranteed by it, or the lander abstains.
+    ``calibrate`` writes a calibration from these grounds. ``calibration`` is a file that ``calibrate`` wrote on other
+    grounds: it guarantees the chosen sites, or the lander abstains.
 
     ``fuse_suns`` joins the pairs of a site that one camera took in one pose under several Suns, see ``fused_sites``:
-    the disparities of each method are joined before they become heights. Light, contrast and the true depth are of the
-    last Sun's pair, which names the site.
+    the disparities of each method are joined before they become heights. Light, contrast and the true depth come from
+    the last Sun's pair, which names the site.
 
-    Raises IcyMoonError if there is no pair, if pairs cannot be joined, or if ``out`` contains files of another program;
-    if ``calibrate`` has too few grounds, or ``calibration`` does not hold for these pairs, rules and methods, before
-    anything is written.
+    Raises IcyMoonError if there is no pair, if pairs cannot be joined, or if ``out`` contains files of another program.
+    Before anything is written, it is also raised if ``calibrate`` has too few grounds, or if ``calibration`` does not
+    hold for these pairs, rules and methods.
     """
     sources = find_fused_sites(find_sources(paths)) if fuse_suns else find_sources(paths)
     check_response(sources, response or {})
@@ -239,7 +239,7 @@ def _make_rows(
 
 
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
-    """The rows of a pair. Missing rows are made and written to the log."""
+    """Yield the rows of a pair. Missing rows are made and written to the log."""
     content = run.make_digest(source)
     keys = {TRUE_DEPTH: content} | {m.label: _make_row_key(m, list_pairs(source), content) for m in run.methods}
     keys |= {label: make_json_digest([keys[label], scales]) for label, scales in run.scales.items() if label in keys}
@@ -283,8 +283,8 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
 
 
 def count_suns(sources: Sequence[Source]) -> int:
-    """The number of Suns of each site. Raises IcyMoonError if sites have different numbers, for a calibration holds for
-    one. A pair that cannot be read counts for itself.
+    """Count the Suns of each site. Raises IcyMoonError if the sites have different numbers, because a calibration holds
+    for one number only. A pair that cannot be read counts as a site with one Sun.
     """
     numbers = {len(list_pairs(source)): source.name for source in sources}
     if len(numbers) > 1:
@@ -298,8 +298,8 @@ def count_suns(sources: Sequence[Source]) -> int:
 
 @dataclass(frozen=True)
 class _OtherSuns:
-    """The pairs of a site before the last one: the facts of each, and by label of a method the disparities (H, W), px,
-    with their processor seconds, or the reason why it failed.
+    """The pairs of a site except the last one: the facts of each pair, and by the label of a method the disparities (H,
+    W), px, with their processor seconds, or the error of the method.
     """
 
     facts: Sequence[Mapping[str, Any]] = ()
@@ -312,7 +312,7 @@ class _OtherSuns:
 
 
 def _match_other_suns(source: Source, run: _DecideRun, labels: Collection[str]) -> _OtherSuns:
-    """Match the pairs of a site before the last one by the methods with these labels."""
+    """Match every pair of a site except the last one by each of the labelled methods."""
     facts: list[dict[str, Any]] = []
     matched: dict[str, list[tuple[Array, float]] | IcyMoonError] = {}
     for prepared in source.prepare_others(run.response) if isinstance(source, FusedSite) else ():
@@ -322,7 +322,7 @@ def _match_other_suns(source: Source, run: _DecideRun, labels: Collection[str]) 
             if isinstance(found, IcyMoonError):
                 continue
             try:
-                found.append(_match(prepared, method, run.min_confidence))
+                found.append(_match_pair(prepared, method, run.min_confidence))
             except DiskError:
                 raise
             except Exception as error:
@@ -344,7 +344,7 @@ def _describe_sun(prepared: PreparedPair) -> dict[str, Any]:
 
 
 def _make_row_key(method: Method, pairs: Sequence[Source], content: str) -> str:
-    """The digest of everything that determines a row."""
+    """Make the digest of everything that determines a row."""
     lidar = [each for pair in pairs for each in list_lidar_inputs(method, pair.name)]
     return make_json_digest([content, list_method_inputs(method), *lidar])
 
@@ -364,7 +364,7 @@ def _make_failed_row(source: Source, label: str, key: str, message: str) -> Row:
 
 
 def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
-    """The entries on the excavation in ``pair.json`` for progress and advice; None without an excavation."""
+    """Read the entries on the excavation from ``pair.json``, for progress and advice; None without an excavation."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
     return (
@@ -385,7 +385,7 @@ def _decide_with_method(
     run: _DecideRun,
     scoop: Scoop | None,
 ) -> dict[str, Any]:
-    """The numbers and files of a method, or of the true depth without a method."""
+    """Decide with a method, or with the true depth if ``method`` is None; return the numbers and files."""
     depth, matching = workspace.prepared.truth, 0.0
     if method is not None:
         depth, matching = _find_depth(workspace.prepared, others, method, run.min_confidence)
@@ -413,22 +413,23 @@ def _decide_with_method(
 def _find_depth(
     prepared: PreparedPair, others: _OtherSuns, method: Method, min_confidence: float
 ) -> tuple[Array, float]:
-    """The depth of a method, by all Suns, and the processor seconds that it took."""
+    """Find the depth (H, W), m, from a method under all Suns, and the processor seconds that it took."""
     matched = others.matched.get(method.label, [])
     if isinstance(matched, IcyMoonError):
         raise matched
-    disparities, seconds = zip(*matched, _match(prepared, method, min_confidence), strict=True)
+    disparities, seconds = zip(*matched, _match_pair(prepared, method, min_confidence), strict=True)
     return disparity_to_depth(prepared, join_disparities(np.stack(disparities))), sum(seconds)
 
 
-def _match(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
-    """The disparity of a method, px, NaN where its confidence is less than a limit above 0, and the processor seconds
-    that it took."""
+def _match_pair(prepared: PreparedPair, method: Method, min_confidence: float) -> tuple[Array, float]:
+    """Match a pair by a method; return the disparity, px, and the processor seconds. If ``min_confidence`` is above 0,
+    the disparity is NaN where the confidence is lower.
+    """
     disparity, info = match_prepared(method, prepared)
     if min_confidence > 0:
         if info["confidence"] is None:
             raise IcyMoonError(
-                f"{describe_method(method.label)} states no confidence, of which at least {min_confidence:g} is asked; "
+                f"{describe_method(method.label)} states no confidence, but at least {min_confidence:g} is required; "
                 "leave out the limit or the method."
             )
         disparity = np.where(info["confidence"] >= min_confidence, disparity, np.nan)
@@ -442,7 +443,7 @@ def _name_files(method: Method | None) -> str:
 def _write_map_errors(
     workspace: Workspace, found: DecisionMaps, run: _DecideRun, method: Method | None
 ) -> dict[str, str]:
-    """Write the standard deviations of the maps of a method with a calibrated scale; return their paths relative to
+    """Write the standard deviations of a method's maps if it has a calibrated scale; return their paths relative to
     ``run.out``.
     """
     scales = run.scales.get(method.label if method else TRUE_DEPTH, {})
@@ -457,7 +458,9 @@ def _write_map_errors(
 def _write_maps(
     workspace: Workspace, found: DecisionMaps, numbers: Mapping[str, Any], out: Path, method: Method | None
 ) -> dict[str, str]:
-    """Write elevation model, suitability and pictures of a method; return their paths relative to ``out``."""
+    """Write the elevation model, the suitability and the pictures of a method; return their paths relative to
+    ``out``.
+    """
     folder, name = out / "pairs" / workspace.pair.name, _name_files(method)
     site, grid = workspace.rules.site, workspace.grid
     chosen = numbers["sites"]["chosen"]
@@ -493,7 +496,7 @@ def _encode_npy(values: Array) -> bytes:
 
 
 def _write_facts(workspace: Workspace, others: _OtherSuns, out: Path, key: str) -> None:
-    """Write the facts of a pair, its left image and the truth's maps."""
+    """Write the facts of a pair, its left image and the maps from the true depth."""
     prepared, truth, grid = workspace.prepared, workspace.truth, workspace.grid
     folder = out / "pairs" / workspace.pair.name
     write_png(folder / "left.png", prepared.left)

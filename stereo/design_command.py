@@ -1,4 +1,4 @@
-"""The verb ``design``: sensor suites on the same grounds, by decision risk, energy and processor time."""
+"""The verb ``design``: compare sensor suites on the same grounds by decision risk, energy and processor time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..support.terminal import add_json_lines, as_path, check_least, tell_events
 from ..support.version import version
 from .environment import packages
 
-#: Fewest grounds of a study: intervals of energy and time take as many.
+#: Fewest grounds of a study, because intervals of energy and time need as many.
 _FEWEST_GROUNDS = 20
 
 

@@ -1,9 +1,9 @@
-"""Runs matchers on pairs and measures the results, continuing where an earlier run stopped.
+"""Run matchers on pairs and measure the results; a new run continues where an earlier one stopped.
 
 A row is the result of one method on one pair. It is written to the disk at once and never computed again, so a stopped
 run loses only the row in progress. A pair that cannot be used is reported and recorded as failed, and the others go on.
-A pair whose eyes contradict each other or the truth is measured and marked as suspect, and counts in no average. One
-pair at a time is in memory; of the others only the numbers for averages are kept, about a kilobyte per row.
+A pair whose eyes contradict each other or the truth is measured and marked as suspect, and counts in no average. Only
+one pair at a time is in memory; from the others, the numbers for averages are kept, about a kilobyte per row.
 """
 
 from __future__ import annotations
@@ -60,14 +60,15 @@ def evaluate(
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
     by default one for each processor; see ``measuring_processes.choose_process_count``. ``dask`` is the address of a
     Dask cluster whose workers measure instead, see ``measuring_cluster``.
-    ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
-    With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
-    ``points`` the measured surfaces are written too, and with ``maps``, the size of a cell in metres or 0 for a
-    suitable one, their heights and errors on the map of the ground, see ``map_results``. ``confidence`` are the
+
+    ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips. With
+    ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With ``points`` the
+    measured surfaces are written too. With ``maps`` their heights and errors are written on the map of the ground, see
+    ``map_results``; ``maps`` is the size of a cell in metres, or 0 for a suitable one. ``confidence`` are the
     ``confidence_metrics.MEASURES`` to measure; all but the matchers' own need more runs of each matcher.
 
     Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``comparisons.csv``, ``report.json``,
-    ``summary.json`` (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``,
+    ``summary.json`` (the same without rows and pairs) and ``report.html``. For each pair, ``pairs/<pair>/`` gets
     ``facts.json``, pictures, disparities, points and maps. Rows of an earlier run with the same pair, method, options,
     response and versions are kept and not computed again.
 
@@ -144,7 +145,9 @@ class Evaluation:
         self._setups = {method.label: list_method_inputs(method) for method in run.methods}
 
     def tasks(self) -> Iterator[MeasureTask]:
-        """The pairs with a missing result, ordered by ``sort_by_ground``; reports the progress of the complete ones."""
+        """Yield a task for each pair with a missing result, ordered by ``sort_by_ground``, and report the progress of
+        the complete pairs.
+        """
         for source in sort_by_ground([*self.sources.values()]):
             name = source.name
             content = make_json_digest([*source.list_dependencies(), self._run.response, MEASURE_VERSION, version()])
@@ -168,7 +171,7 @@ class Evaluation:
             self._tell_notes(name, facts)
 
     def _make_row_key(self, method: Method, pair: str, content: str) -> str:
-        """The digest of everything that determines a row."""
+        """Make the digest of everything that determines a row."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
@@ -215,7 +218,7 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: MeasureTask, message: str, done: set[str]) -> None:
-        """Record the unfinished methods of an ended process as failed."""
+        """Record the unfinished methods of a task as failed, because its process ended."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
@@ -254,7 +257,7 @@ class Evaluation:
         self._tell({"type": "error", "message": failure["message"]})
 
     def sort_messages(self) -> tuple[list[Failure], list[Failure]]:
-        """The messages about failed and about suspect pairs, in the order of the pairs."""
+        """Return the messages about failed pairs and about suspect pairs, both in the order of the pairs."""
         place = {name: k for k, name in enumerate(self.sources)}
         failed, suspect = (
             sorted(found, key=lambda entry: place[entry["pair"]]) for found in (self._failed, self._suspect)

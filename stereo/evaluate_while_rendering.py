@@ -1,4 +1,4 @@
-"""Measures the pairs of a data set while others are being rendered.
+"""Measure the pairs of a data set while others are being rendered.
 
 Rows are written as ``evaluate`` writes them, so ``evaluate`` measures only the rest later. No report is written and no
 failure is shown: a pair that fails here fails again in ``evaluate``, which shows the failure.
@@ -25,7 +25,7 @@ from .matchers.resident_process import stop_residents
 from .measure.confidence_metrics import OWN
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
 
-#: Seconds between looks for another pair.
+#: Seconds between two searches for new pairs.
 _POLL_S = 1.0
 
 
@@ -39,7 +39,8 @@ def measure_completed_pairs(
     maps: float | None = None,
     confidence: Sequence[str] = (OWN,),
 ) -> None:
-    """Measure pairs of a data set as they are completed, until ``is_over``; for the other parameters see ``evaluate``.
+    """Measure pairs of a data set as they are completed, until ``is_over`` returns true; for the other parameters see
+    ``evaluate``.
 
     A measurement in progress at the end is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
     files that no evaluation wrote.
@@ -62,7 +63,7 @@ def measure_completed_pairs(
 
 
 def _find_new_pairs(dataset: Path, seen: set[str]) -> Iterator[Source]:
-    """The pairs that were completed since the last call."""
+    """Yield the pairs that were completed since the last call."""
     for folder in find_pair_folders(dataset) if has_pairs(dataset) else ():
         if folder.name not in seen:
             seen.add(folder.name)
@@ -89,8 +90,8 @@ def measure_until_input_ends(
     maps: float | None,
     confidence: Sequence[str],
 ) -> None:
-    """Measure as ``measure_completed_pairs`` does, at a lower priority, until standard input ends. It ends with the
-    renderer, also if the renderer crashes.
+    """Measure as ``measure_completed_pairs`` does, at a lower priority, until standard input ends. So this process ends
+    with the renderer, also if the renderer crashes.
     """
     lower_priority()
     over = threading.Event()

@@ -25,14 +25,14 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in results, different for all pairs of an evaluation."""
+        """The name of the pair in results, unique in an evaluation."""
 
     @property
     def folder(self) -> Path:
         """The folder of the pair, for messages."""
 
     def list_dependencies(self) -> list[Any]:
-        """Everything that determines the numbers of the pair: checksums of its files."""
+        """List everything that determines the numbers of the pair: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute the arrays that matchers and metrics need. Raises IcyMoonError if the pair cannot
@@ -48,20 +48,22 @@ class RenderedPair:
 
     @property
     def name(self) -> str:
-        """The name of its folder."""
+        """The name of the pair's folder."""
         return self.folder.name
 
     def list_dependencies(self) -> list[Any]:
-        """The checksum of ``pair.json``, which contains the checksums of the images."""
+        """List the checksum of ``pair.json``, which contains the checksums of the images."""
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Read and develop the rendered pair, see ``prepare.prepare_pair``."""
+        """Read and develop the rendered pair, see ``measure.prepare_pair``."""
         return prepare_pair(self.folder, response)
 
 
 def _refuse_without_eyes(folder: Path) -> None:
-    """Raise IcyMoonError for a pair of a head's cameras alone. A broken pair is reported when its turn comes."""
+    """Raise IcyMoonError for a pair that has only the cameras of a head. A broken pair is reported when its
+    turn comes.
+    """
     try:
         pair = read_pair(folder)
     except IcyMoonError:
@@ -70,16 +72,16 @@ def _refuse_without_eyes(folder: Path) -> None:
 
 
 def find_sources(paths: Sequence[Path]) -> list[Source]:
-    """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
+    """Find all pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
 
-    Raises IcyMoonError if a path has no pair, if two different pairs have the same name, or if results cannot have the
-    name of a pair.
+    Raises IcyMoonError if a path has no pair, if two different pairs have the same name, or if the name of a pair
+    cannot be a name in the results.
     """
     rendered = [path for path in paths if has_pairs(path)]
     found: list[Source] = [
         RenderedPair(folder) for folder in (sort_by_time(list_distinct_pairs(rendered)) if rendered else ())
     ]
-    for source in found[:1]:  # the pairs of one plan are alike; another pair fails by itself
+    for source in found[:1]:  # all pairs of one plan have eyes or none has; a pair of another plan fails in its turn
         _refuse_without_eyes(source.folder)
     found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
     first: dict[str, Source] = {}
@@ -99,13 +101,14 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
 
 
 def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
-    """Sort the sources so that pairs on the same ground follow each other, and the ground for their search ranges is
-    made once. An unreadable pair is among the first."""
+    """Sort the sources so that pairs on the same ground follow each other; the ground for their search ranges is then
+    made once. Unreadable pairs come first.
+    """
     restore, grounds = Restorer(), {}
     for source in sources:
         grounds[source.name] = ""
         if isinstance(source, RenderedPair):
-            with suppress(IcyMoonError):  # which is reported where its turn has come
+            with suppress(IcyMoonError):  # the error is reported when the pair's turn comes
                 grounds[source.name] = make_ground_name_key(read_pair(source.folder, restore).settings)
     return sorted(sources, key=lambda source: grounds[source.name])
 

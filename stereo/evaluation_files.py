@@ -33,8 +33,8 @@ _FIRST_BYTES: Mapping[str, bytes] = {
 def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, bytes] = _FIRST_BYTES) -> None:
     """Raise IcyMoonError if an evaluation of ``pairs`` would overwrite files in ``out`` that no evaluation wrote.
 
-    A link may lead anywhere, and other programs use the same names for their results. ``openings`` are the files that
-    are written beside ``pairs/``, with the first bytes of each.
+    Links are refused, because they may lead anywhere. ``openings`` are the files that are written beside ``pairs/``,
+    with the first bytes of each; they tell these files from other programs' files with the same names.
     """
     folders = [out / "pairs", out / "curves", *(out / "pairs" / name for name in pairs)]
     for path in (*folders, *(out / name for name in openings)):
@@ -56,8 +56,9 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
 
 
 def _was_written_by_evaluation(path: Path, begin: bytes) -> bool:
-    """Return whether a file begins as an evaluation's does. It may end within these bytes, since a run may have
-    been killed there."""
+    """Return whether a file begins as an evaluation's file does. A shorter file counts too, because a run may have been
+    killed while it wrote these bytes.
+    """
     with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
@@ -69,7 +70,7 @@ def remove_leftovers(out: Path) -> None:
 
 
 def has_named_files(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
-    """Whether all files that a row or the facts of a pair name exist in the folder of the pair."""
+    """Return whether all files that a row or the facts of a pair name exist in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 
@@ -93,11 +94,11 @@ def write_method_pictures(
     out: Path,
     confidences: Mapping[str, Array],
 ) -> dict[str, str]:
-    """Write depth, error and disparity of one method; return their paths relative to ``out``. The ``confidences``, by
-    measure, are beside the disparity.
+    """Write depth, error and disparity of one method; return their paths relative to ``out``. The npz file of the
+    disparity also contains the ``confidences``, by measure.
 
-    A picture of the first confidence is written too, and if ``info`` has the array ``flags``, with the reason for each
-    rejected pixel, one of the flags.
+    The first confidence is written as a picture too. So are ``flags``, the reason for each rejected pixel, if the
+    matcher states them.
     """
     depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"

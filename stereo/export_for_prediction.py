@@ -1,4 +1,4 @@
-"""Writes the input of a method on another machine: the images of each pair and their camera, without the truth."""
+"""Write the input of a method on another machine: the images of each pair and their camera, without the truth."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def export_for_prediction(
 ) -> list[str]:
     """Write ``<out>/<pair>/im0.png``, ``im1.png`` and ``calib.txt`` of all pairs at ``paths``, and ``README.txt``.
 
-    The images are the same as matchers get here. Returns a sentence for each pair that failed; these are events
-    {"type": "error", "message"} too. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
+    Matchers get the same images here. Return a sentence for each pair that failed; each sentence is also an event
+    {"type": "error", "message"}. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     sources = find_sources(paths)
     check_response(sources, response)

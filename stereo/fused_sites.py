@@ -1,4 +1,4 @@
-"""Sites that one camera saw in one pose under several Suns: their pairs are decided on once.
+"""Sites that one camera saw in one pose under several Suns: one decision is made from all their pairs.
 
 The lander digs under the last Sun: the latest date, or the last name where Suns are stated by angles.
 """
@@ -32,8 +32,8 @@ _VERSION = 2
 
 @dataclass(frozen=True)
 class FusedSite:
-    """The pairs of a site by one camera in one pose, the last Sun last. A pair that cannot be read is alone, and is
-    reported when its turn comes.
+    """The pairs of a site by one camera in one pose, the last Sun's pair last. A pair that cannot be read is a site by
+    itself, and is reported when its turn comes.
     """
 
     pairs: tuple[RenderedPair, ...]
@@ -49,26 +49,26 @@ class FusedSite:
         return self.pairs[-1].folder
 
     def list_dependencies(self) -> list[Any]:
-        """The checksums of all pairs, and the version of the files that follow from them."""
+        """List the checksums of all pairs, and the version of the files that follow from them."""
         return [_VERSION, *(each for pair in self.pairs for each in pair.list_dependencies())]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """The last pair, see ``RenderedPair.prepare``."""
+        """Prepare the last pair, see ``RenderedPair.prepare``."""
         return self.pairs[-1].prepare(response)
 
     def prepare_others(self, response: Mapping[str, Mapping[str, Any]]) -> Iterator[PreparedPair]:
-        """Yield the site's other pairs, one at a time, because all together may not fit into memory."""
+        """Yield the site's other pairs, one at a time, because all of them may not fit into memory."""
         for pair in self.pairs[:-1]:
             yield pair.prepare(response)
 
 
 def list_pairs(source: Source) -> tuple[Source, ...]:
-    """The pairs of a site; another source alone."""
+    """List the pairs of a site, or only the source itself if it is not a site."""
     return source.pairs if isinstance(source, FusedSite) else (source,)
 
 
 def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
-    """Group pairs by site; each site takes its first pair's position in the order.
+    """Group pairs by site. A site takes the position of its first pair in the order.
 
     Raises IcyMoonError for a pair of another program, for a site with one pair, and for two pairs under one Sun.
     """
@@ -96,7 +96,9 @@ def find_fused_sites(sources: Sequence[Source]) -> list[Source]:
 
 
 def _make_site(own: Sequence[tuple[RenderedPair, Pair]], unread: Sequence[Path]) -> FusedSite:
-    """The site of these pairs; ``unread`` are folders of pairs that cannot be read, whose site is unknown."""
+    """Make the site of these pairs. ``unread`` are folders of pairs that cannot be read, so their site is unknown.
+    Raises IcyMoonError for fewer than two pairs, and for two pairs under one Sun.
+    """
     if len(own) == 1:
         readable, also, render = "", "", ""
         if unread:
@@ -116,14 +118,14 @@ def _make_site(own: Sequence[tuple[RenderedPair, Pair]], unread: Sequence[Path])
 
 
 def _find_time(pair: Pair) -> tuple[str, str]:
-    """A key that sorts pairs by their date, and those without one by name."""
+    """Make a key that sorts pairs by date, or by name if their Suns are stated by angles."""
     light = pair.settings.light
     return ("" if light.directions_from == "ANGLES" else str(parse_date(light.date_utc))), pair.name
 
 
 def _make_site_key(pair: Pair) -> str:
-    """Make a key that only pairs of one site share. A pair that was edited by hand has a unique key, as its settings do
-    not describe its ground.
+    """Make a key that only pairs of one site share. The key of a pair that was edited by hand is unique, because its
+    settings do not describe its ground.
     """
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     return make_json_digest([_list_shared_settings(pair.settings), pair.rectified_poses, own])

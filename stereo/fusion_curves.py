@@ -1,4 +1,4 @@
-"""Errors over the number of range points, from the rows of an evaluation."""
+"""Errors against the number of range points, from the rows of an evaluation."""
 
 from __future__ import annotations
 
@@ -30,9 +30,11 @@ COLUMNS = ("pair", "matcher", "points", "noise_cm", "shift_px", "method", *METRI
 
 @dataclass(frozen=True)
 class PointSweep:
-    """The range points of a comparison: all combinations of the numbers, and the ways in which matchers use them.
+    """The range points of a comparison: all combinations of points, noise and shift, and the ways in which matchers use
+    the points.
 
-    ``ways`` are pairs of ``rule`` and ``guide``, see ``lidar_options``; ``shared`` are options of all, as texts.
+    ``ways`` are pairs of ``rule`` and ``guide``, see ``lidar_options``. ``shared`` are options of all methods, as
+    texts.
     """
 
     points: Sequence[int]
@@ -42,7 +44,9 @@ class PointSweep:
     shared: Mapping[str, str]
 
     def list_methods(self, matchers: Sequence[Method]) -> list[Method]:
-        """The matchers alone, the interpolation alone, and both together. Raises IcyMoonError for bad numbers."""
+        """List the matchers alone, the interpolation alone, and both together. Raises IcyMoonError for bad or repeated
+        numbers.
+        """
         found = [*matchers]
         for points, noise, shift in product(self.points, self.noise_cm, self.shift_px):
             given = {"points": f"{points}", "noise_cm": f"{noise:g}", "shift_px": f"{shift:g}", **self.shared}
@@ -57,7 +61,7 @@ class PointSweep:
 
 
 def _format_method(matcher: str, given: Mapping[str, str]) -> str:
-    """A method in the spelling of ``--methods``, without options that have their defaults."""
+    """Write a method in the spelling of ``--methods``, without options that have their defaults."""
     usual = complete_lidar_options(matcher or LIDAR, {})
     asked = complete_lidar_options(matcher or LIDAR, given)
     stated = [f"{key}={given[key]}" for key in given if key == "points" or asked[key] != usual[key]]
@@ -65,7 +69,9 @@ def _format_method(matcher: str, given: Mapping[str, str]) -> str:
 
 
 def list_curves(rows: Sequence[Row], methods: Sequence[Method]) -> list[dict[str, Any]]:
-    """An entry of COLUMNS for each result; ``points`` is 0 and ``matcher`` is the method for matchers alone."""
+    """Make an entry with the COLUMNS for each result. ``points`` is 0 for a matcher alone; ``matcher`` is "" for the
+    interpolation alone.
+    """
     named = {method.label: method for method in methods}
     found = []
     for row in rows:
@@ -94,9 +100,9 @@ def measure_curves(
     response: Mapping[str, Mapping[str, Any]],
     tell: Callable[[dict[str, Any]], None],
 ) -> list[Row]:
-    """Rows for ``list_curves`` without the other metrics and the pictures of an evaluation, which take longer.
+    """Measure rows for ``list_curves``, without the other metrics and the pictures of an evaluation, which take longer.
 
-    ``tell`` gets an event of progress for each pair. Raises IcyMoonError with the first error.
+    ``tell`` gets a progress event for each pair. Raises IcyMoonError with the first error.
     """
     rows: list[Row] = []
     for done, source in enumerate(sources):
@@ -119,7 +125,9 @@ def measure_curves(
 
 
 def _measure_rates(prepared: PreparedPair, disparity: Array) -> dict[str, float]:
-    """The METRICS of a disparity (H, W), px: shares of the pixels with a true depth; a missing one is wrong."""
+    """Measure the METRICS of a disparity (H, W), px: shares of the pixels with a true depth. A missing disparity counts
+    as wrong.
+    """
     true_m = prepared.truth[prepared.known]
     depth_m = disparity_to_depth(prepared, disparity)[prepared.known]
     off_px = np.abs(disparity[prepared.known] - prepared.pair.camera.disparity(true_m))
@@ -132,8 +140,9 @@ def _name_matcher(method: Method) -> str:
 
 
 def find_crossover(curves: Sequence[Mapping[str, Any]], pair: str, matcher: str, metric: str) -> int | None:
-    """Find the smallest number of points from which on the interpolation alone has fewer errors than a matcher alone on
-    a pair; None without such a number. ``curves`` have one noise and one shift."""
+    """Find the smallest number of points from which on the interpolation alone has fewer errors on a pair than a
+    matcher alone; None if there is no such number. ``curves`` have one noise and one shift.
+    """
     alone = next(
         row[metric] for row in curves if row["pair"] == pair and row["matcher"] == matcher and not row["points"]
     )
@@ -147,7 +156,7 @@ def find_crossover(curves: Sequence[Mapping[str, Any]], pair: str, matcher: str,
 
 
 def encode_curves(curves: Sequence[Mapping[str, Any]]) -> str:
-    """The curves as CSV, shares as numbers from 0 to 1."""
+    """Encode the curves as CSV; shares are numbers from 0 to 1."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
     writer.writeheader()

@@ -1,4 +1,4 @@
-"""The depth errors of a matcher on the vertices of the ground that was rendered, for the window.
+"""The depth errors of a matcher on the vertices of the rendered ground, for the window.
 
 Each vertex is projected into the rectified left image. The eye sees the vertex if its depth is among the true depths of
 the four pixel centres around it. The vertex gets the error of the pixel with the nearest true depth. Needs only NumPy,
@@ -31,14 +31,15 @@ MEASURED, MISSING, COARSE, UNSEEN = range(4)
 #: This is twice the longest edge of level ground by default.
 MAX_EDGE_PX = 16.0
 #: Distance by which a visible vertex may lie beyond the true depths around it: disparity, px, and share of the depth.
-#: Ground is curved between pixel centres. Matchers are less precise than that, and the true depth is exact to 1e-4.
+#: Ground is curved between pixel centres. Matchers are less precise than this tolerance, and the true depth is exact to
+#: 1e-4.
 _DEPTH_TOLERANCE_PX, _DEPTH_TOLERANCE_SHARE = 0.05, 1e-3
 _PIXEL_OFFSETS = ((0, 0), (0, 1), (1, 0), (1, 1))  # rows and columns of the pixel centres around a place
 
 
 @dataclass(frozen=True)
 class DepthErrors:
-    """The depth errors of a matcher on a pair: images (H, W) of the parallel rig's left eye."""
+    """The depth errors of a matcher on a pair, as images (H, W) of the parallel rig's left eye."""
 
     camera: StereoCamera
     pose: Array  # (4, 4), from the left eye in OpenCV's axes to the world
@@ -78,16 +79,17 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
 
 
 def project_points(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
-    """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3) of the world.
+    """Project points (n, 3) of the world; return their pixel-corner coordinates (n, 2), column first, and planar depths
+    (n,), m.
 
-    Points that are not before the camera have NaN coordinates; see ``rolling_shutter.project_points``.
+    Points that are not in front of the camera have NaN coordinates; see ``rolling_shutter.project_points``.
     """
     local = (position_m - errors.pose[:3, 3]) @ errors.pose[:3, :3]
     return rolling_shutter.project_points(local, errors.camera, errors.shutter)
 
 
 def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -> VertexErrors:
-    """The errors at vertices at ``position_m`` (n, 3), with ``edges`` (m, 2) between them."""
+    """Sample the errors at vertices at ``position_m`` (n, 3), with ``edges`` (m, 2) between them."""
     place, depth = project_points(errors, position_m)
     height, width = errors.truth.shape
     inside = ((place >= 0) & (place < (width, height))).all(axis=1)  # also False for NaN
@@ -106,7 +108,9 @@ def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -
 
 
 def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Array]:
-    """Sample the error at each image position, and whether the camera sees the vertex there, by its depth."""
+    """Sample the error at each image position. Also return whether the camera sees the vertex there, judged by its
+    depth.
+    """
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
     rows, columns = (
@@ -126,7 +130,9 @@ def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, 
 
 
 def choose_better_result(one: VertexErrors, other: VertexErrors) -> VertexErrors:
-    """For each vertex the better known of two results; of equal kinds, the result seen from nearer."""
+    """Choose, for each vertex, the better known of two results; of equal kinds, the result that was seen from
+    nearer.
+    """
     take = (other.kind < one.kind) | ((other.kind == one.kind) & (other.depth_m < one.depth_m))
     return VertexErrors(
         *(
@@ -137,8 +143,9 @@ def choose_better_result(one: VertexErrors, other: VertexErrors) -> VertexErrors
 
 
 def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
-    """Count the pixels with a true depth: ``far``, ``near``, ``right`` and ``missing``; and of all these ``coarse``,
-    in a square of MAX_EDGE_PX without a vertex that shows an error. ``places`` (n, 2) are these vertices in the image.
+    """Count the pixels with a true depth by their error: ``far``, ``near``, ``right`` and ``missing``. ``coarse``
+    counts those in squares of MAX_EDGE_PX without a vertex that shows an error; ``places`` (n, 2) are these vertices in
+    the image.
     """
     known = np.isfinite(errors.truth)
     error = errors.error_m[known]
@@ -158,5 +165,5 @@ def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
 
 
 def colour_errors(error_m: Array, kind: Array, full_m: float) -> Array:
-    """Colours, RGB uint8 (n, 3): ``colour_signed_errors``, and SKY_GREY for UNSEEN and COARSE vertices."""
+    """Colour errors, RGB uint8 (n, 3), as ``colour_signed_errors`` does; UNSEEN and COARSE vertices are SKY_GREY."""
     return np.where((kind >= COARSE)[:, None], np.uint8(SKY_GREY), colour_signed_errors(error_m, full_m))

@@ -1,4 +1,4 @@
-"""Points of a LiDAR's scan for a view: a random part of them, coloured by a measured value.
+"""Points of a LiDAR scan for a view: a random part of them, coloured by a measured value.
 
 Imports no Blender.
 """
@@ -32,12 +32,13 @@ _COLOURS_BY_RETURN = np.array(
 
 @dataclass(frozen=True)
 class ShownPoints:
-    """Points (k,) of scans in random order: the first of them are a random part of the scans of any size.
+    """Points (k,) of scans in random order, so that the first n of them are a random part of the scans for any n.
 
-    ``point_m`` (k, 3) in the site's axes, measured range and its error in metres (NaN of a false alarm), light in
-    electrons or photons, delay in ice in metres of range, and number of the return (0: a false alarm). ``position_m``
-    (k, 3) is the place of the sensor, ``total`` the number of points of the scans, ``title`` the scanner's. Of the
-    ``beams``, ``returned`` gave a return.
+    ``point_m`` (k, 3) is in the site's axes. ``range_m`` is the measured range, m, and ``error_m`` its error, m, NaN
+    for a false alarm. ``light`` is in electrons or photons, and ``ice_m`` is the delay in ice, in metres of range.
+    ``order`` is the number of the return, 0 for a false alarm. ``position_m`` (k, 3) is the place of the sensor,
+    ``total`` the number of points of the scans, ``title`` the scanner's title. Of the ``beams``, ``returned`` gave a
+    return.
     """
 
     point_m: Array
@@ -59,10 +60,11 @@ _ARRAYS = ("point_m", "range_m", "error_m", "light", "ice_m", "order")
 def read_shown_points(
     folders: Sequence[Path], most: int = MAX_POINTS, report: Callable[[float, str], object] = lambda share, text: None
 ) -> ShownPoints:
-    """``most`` random points of the scans in some folders, or all of fewer; the same each time.
+    """Read ``most`` random points of the scans in some folders, or all if there are fewer; every call returns the same
+    points.
 
-    ``report`` is told the share that is read, and the present work. Raises IcyMoonError if a scan is missing or
-    damaged, or if they have no points.
+    ``report`` gets the share of the scans that is read, and the present work. Raises IcyMoonError if a scan is missing
+    or damaged, or if the scans have no points.
     """
     scans = [(folder, read_facts(folder)) for folder in folders]
     total, seen = sum(count_points(facts) for _, facts in scans), 0
@@ -98,8 +100,9 @@ def _refuse_shape(folder: Path, part: ScanPoints) -> None:
 
 
 def make_scales(values: Mapping[str, Array]) -> dict[str, Scale]:
-    """The scales of intensity and delay, from ``light`` and ``ice_m`` (k,) of points; from the 1st to the 99th
-    percentile of the light, so that a glint does not darken the others."""
+    """Make the scales of intensity and delay from ``light`` and ``ice_m`` (k,) of points. The intensity goes from the
+    1st to the 99th percentile of the light, so that a glint does not darken the other points.
+    """
     light = values[INTENSITY]
     lit = light[light > 0]
     low, high = np.quantile(lit, (0.01, 0.99)).tolist() if len(lit) else (1.0, 10.0)
@@ -110,8 +113,9 @@ def make_scales(values: Mapping[str, Array]) -> dict[str, Scale]:
 
 
 def colour_points(kind: str, values: Mapping[str, Array]) -> Array:
-    """sRGB uint8 (k, 3) of points by one of their values, see ``INTENSITY`` and its neighbours; ``values`` has the
-    arrays (k,) of all of them."""
+    """Colour points, sRGB uint8 (k, 3), by one of their values; ``kind`` is ``INTENSITY`` or one of its neighbours.
+    ``values`` has the arrays (k,) of all kinds.
+    """
     stated = values[kind]
     if kind == RANGE_ERROR:
         return colour_signed_errors(stated, _FULL_M, _RIGHT_M)
@@ -123,7 +127,7 @@ def colour_points(kind: str, values: Mapping[str, Array]) -> Array:
 
 
 def describe_colours(kind: str, values: Mapping[str, Array]) -> tuple[tuple[str, str], ...]:
-    """(text, icon) of each line of the legend of ``colour_points``."""
+    """List the lines of the legend of ``colour_points``, each as (text, icon)."""
     order = values[RETURN_NUMBER]
     alarms = int((order == 0).sum())
     if kind == RETURN_NUMBER:
@@ -155,7 +159,7 @@ def describe_colours(kind: str, values: Mapping[str, Array]) -> tuple[tuple[str,
 
 
 def list_values(points: ShownPoints) -> dict[str, Any]:
-    """The arrays (k,) by which points can be coloured."""
+    """Return the arrays (k,) by which points can be coloured, by kind."""
     return {
         INTENSITY: points.light,
         RANGE_ERROR: points.error_m,

@@ -1,5 +1,5 @@
-"""The results of a matcher on the map that the ground of a pair is from: heights, their errors, and why some are
-missing, as GeoTIFF in the coordinate system of the file of the ground.
+"""The results of a matcher on the map from which a pair's ground was made: heights, their errors, and why some are
+missing, as GeoTIFF in the coordinate system of the ground's file.
 
 Cells are along the axes of the map and within the edges of the file. Heights count from the file's zero, in metres.
 """
@@ -31,17 +31,17 @@ _CLASSES = (
     "0: not seen by the left eye; 1: at least half of its points measured; 2: missing, seen by both eyes; 3: missing, "
     "hidden from the right eye"
 )
-#: Width of a cell in pixels at the median depth, where none is stated, and the most cells along a side.
+#: Width of a cell in pixels at the median depth if no width is stated, and the most cells along a side.
 _PIXELS, _MAX_CELLS = 3.0, 2048
 #: Share of the true points, from the nearest on, that the cells contain.
 _SHARE = 0.9
-#: Share of a cell's points from which its class follows.
+#: Share of a cell's points that decides its class.
 _HALF = 0.5
 
 
 @dataclass(frozen=True)
 class MapCells:
-    """The cells of a pair's maps: square on the ground, ``pixel`` in the unit of the file."""
+    """The cells of a pair's maps, square on the ground. ``pixel`` is their size in the unit of the file."""
 
     frame: MapFrame
     grid: Grid
@@ -50,13 +50,13 @@ class MapCells:
     north: float
 
     def encode(self, values: Array, text: str, unit: str = "m", missing: str = "nan") -> bytes:
-        """Values of the cells as the bytes of a GeoTIFF."""
+        """Encode the values of the cells as the bytes of a GeoTIFF."""
         place = MapPlace(self.pixel, self.west, self.north, self.frame.geokeys, unit, missing, {"values": text})
         return encode_tiff(values, place)
 
 
 def find_map_frame(prepared: PreparedPair) -> MapFrame | None:
-    """The frame of a pair on the map of its ground; None without a map, or without a place of the camera."""
+    """Find the frame of a pair on the map of its ground; None without a map, or if the camera's place is unknown."""
     pair = prepared.pair
     if not isinstance(pair, Pair) or pair.rectified_pose("left") is None:
         return None
@@ -64,7 +64,7 @@ def find_map_frame(prepared: PreparedPair) -> MapFrame | None:
 
 
 def name_maps(method: Method, cell_m: float) -> dict[str, str]:
-    """The names of the files of a method by kind; ``cell_m`` is the stated size of a cell, or 0."""
+    """Name the files of a method's maps, by kind; ``cell_m`` is the stated size of a cell, or 0."""
     size = f"_{cell_m:g}m" if cell_m else ""
     kinds = ("height", "height_error", "class")
     return {f"{kind}_map": f"{method.file_name}_{kind}{size}.tif" for kind in kinds} | {
@@ -73,14 +73,15 @@ def name_maps(method: Method, cell_m: float) -> dict[str, str]:
 
 
 def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
-    """Cells of ``cell_m`` of ground over points (n, 2 or 3) of the site, along the map's lines from its west and south
-    edge, and within its edges. Raises IcyMoonError if they are too many or too large."""
+    """Make cells of ``cell_m`` of ground that cover points (n, 2 or 3) of the site. They lie within the map's edges, on
+    lines that count from its west and south edges. Raises IcyMoonError if the cells are too many or too large.
+    """
     pixel = tuple(cell_m / frame.scale[k] / frame.unit_m for k in range(2))
     west, south, east, north = frame.bounds
     easting, northing = frame.to_map(position_m[:, 0], position_m[:, 1])
     counts = math.floor((east - west) / pixel[0] + 1e-9), math.floor((north - south) / pixel[1] + 1e-9)
-    columns = _range_of_cells((easting - west) / pixel[0], counts[0])
-    rows = _range_of_cells((northing - south) / pixel[1], counts[1])
+    columns = _find_cell_range((easting - west) / pixel[0], counts[0])
+    rows = _find_cell_range((northing - south) / pixel[1], counts[1])
     if not len(columns) or not len(rows):
         raise IcyMoonError(f"Cells of {cell_m:g} m are larger than the map of the ground; give smaller ones to --maps.")
     if max(len(columns), len(rows)) > _MAX_CELLS:
@@ -94,13 +95,13 @@ def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
     return MapCells(frame, Grid(cell_m, len(rows), len(columns), float(x), float(y)), (pixel[0], pixel[1]), *corner)
 
 
-def _range_of_cells(at: Array, count: int) -> range:
-    """The cells among ``count`` that contain positions, in cells."""
+def _find_cell_range(at: Array, count: int) -> range:
+    """Return the range of the cells, out of ``count``, that contain positions ``at``, in cells."""
     return range(max(0, math.floor(at.min())), min(count, math.floor(at.max()) + 1))
 
 
 def choose_cell_m(depth_m: Array, camera: StereoCamera) -> float:
-    """1, 2 or 5 times a power of ten: the size of a cell, three pixels or more at the median depth."""
+    """Choose the size of a cell, m: 1, 2 or 5 times a power of ten, and at least three pixels at the median depth."""
     least = _PIXELS * float(np.median(depth_m)) / camera.focal_px
     power = 10.0 ** math.floor(math.log10(least))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-9))
@@ -111,8 +112,8 @@ def write_maps(
 ) -> None:
     """Write the maps of a disparity to the paths of ``files``, by the kinds of ``name_maps``.
 
-    ``cell_m`` is the size of a cell on the ground, 0 for a suitable one. Raises IcyMoonError as ``make_cells``, and if
-    the left image shows no ground.
+    ``cell_m`` is the size of a cell on the ground, 0 for a suitable size. Raises IcyMoonError as ``make_cells`` does,
+    and if the left image shows no ground.
     """
     pair = prepared.pair
     pose = pair.row_poses("left")
@@ -144,7 +145,9 @@ def write_maps(
 
 
 def _raise_by_drop(frame: MapFrame, position_m: Array) -> Array:
-    """Points (n, 3) of the site above the zero of their map, which is curved if the ground has surroundings."""
+    """Raise points (n, 3) of the site to heights above the zero of their map, which is curved if the ground has
+    surroundings.
+    """
     x, y, z = position_m.T
     return np.column_stack([x, y, z + frame.find_drop_m(x, y)])
 
@@ -154,8 +157,9 @@ def _encode_heights(cells: MapCells, values: Array, text: str) -> bytes:
 
 
 def classify_cells(measured: Array, hidden: Array) -> Array:
-    """The class (rows, columns) uint8 of each cell, from the shares of its points that are measured, and that the right
-    eye does not see; NaN without points."""
+    """Classify cells, uint8 (rows, columns), by two shares of their points: ``measured``, and ``hidden`` from the right
+    eye. Both are NaN for a cell without points.
+    """
     classes = np.where(hidden > _HALF, OCCLUDED, MISSING)
     classes = np.where(measured >= _HALF, MEASURED, classes)
     return np.where(np.isfinite(measured), classes, NOT_SEEN).astype(np.uint8)

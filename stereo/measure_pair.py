@@ -1,4 +1,4 @@
-"""Measuring one pair by all methods of an evaluation, in this process or in another process."""
+"""Measure one pair by all methods of an evaluation, in this process or in another process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .result_row import make_failed_row, make_result_row
 
 @dataclass(frozen=True)
 class MeasureRun:
-    """The work of an evaluation on every pair."""
+    """The settings of an evaluation that hold for every pair."""
 
     methods: Sequence[Method]
     out: Path
@@ -44,23 +44,24 @@ class MeasureRun:
 
 @dataclass(frozen=True)
 class MeasureTask:
-    """A pair with a missing result: JSON values only, so that another process can do it."""
+    """A pair with a missing result. It has JSON values only, so that another process can measure it."""
 
     pair: str
     content: str  # digest of everything that its numbers depend on
-    keys: Mapping[str, str]  # of its rows, by the label of the method
+    keys: Mapping[str, str]  # keys of its rows, by the label of the method
     rows: Mapping[str, Row]  # the rows of an earlier run, by the label of the method
 
 
 def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator[dict[str, Any]]:
-    """Do a task; the pictures and facts of the pair are written here; the caller writes the rows from these events:
+    """Do a task. The pictures and facts of the pair are written here; the caller writes the rows from the events that
+    this yields:
 
-    * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
+    * {"type": "row", "row"} for each method, also for a method that failed and for one that an earlier run measured;
     * {"type": "update", "row"} for a row that has changed since;
     * {"type": "failed", "failure"} and {"type": "warning", "message"};
     * {"type": "facts", "facts"} if the pair can be used.
 
-    Raises DiskError if the disk refuses.
+    Raises DiskError if a file cannot be written.
     """
     try:
         prepared = source.prepare(run.response)
@@ -89,7 +90,7 @@ def _make_row_event(row: Row, kind: str = "row") -> dict[str, Any]:
 def _warn_of_files_left_out(
     prepared: PreparedPair, run: MeasureRun, points: bool, maps: bool
 ) -> Iterator[dict[str, Any]]:
-    """Warnings where a run asks for points or maps that the pair cannot have."""
+    """Yield a warning if a run asks for points or maps that the pair cannot have."""
     record = prepared.pair.folder / "pair.json"
     if run.points and not points:
         yield {
@@ -145,7 +146,7 @@ def _compare_and_map(
     rows: Mapping[str, Row],
     disparities: Mapping[str, Array],
 ) -> Iterator[dict[str, Any]]:
-    """The updates of rows by the numbers that depend on two methods, and by points and maps."""
+    """Yield the rows that change when pairs of methods are compared and when points and maps are written."""
     common = measure_common_pixels(prepared, disparities)
     points = run.points and find_left_pose(prepared) is not None
     frame = find_map_frame(prepared) if run.maps is not None else None
@@ -157,7 +158,7 @@ def _compare_and_map(
         if points:
             row["images"] = add_points(row["images"], run.out, prepared, disparity)
         if frame is not None:
-            row["images"] = _add_maps(row["images"], run, prepared, frame, method, disparity)
+            row["images"] = _add_ground_maps(row["images"], run, prepared, frame, method, disparity)
         if row != rows[label]:
             yield _make_row_event(row, "update")
 
@@ -170,8 +171,10 @@ def _find_confidences(
     info: Mapping[str, Any],
     measures: Sequence[str],
 ) -> tuple[dict[str, Array], list[dict[str, Any]]]:
-    """The confidences (H, W) of a disparity map by measure, and a warning about each that failed. Not every matcher
-    states one of its own; a prediction and a map with range points cannot be matched again."""
+    """Find the confidences (H, W) of a disparity map by measure, and a warning about each measure that failed.
+
+    Not every matcher states a confidence. A prediction and a map with range points cannot be matched again.
+    """
     own = info["confidence"]
     found = {OWN: own} if own is not None and OWN in measures else {}
     warnings: list[dict[str, Any]] = []
@@ -196,10 +199,12 @@ def _find_confidences(
     return found, warnings
 
 
-def _add_maps(
+def _add_ground_maps(
     images: dict[str, Any], run: MeasureRun, prepared: PreparedPair, frame: MapFrame, method: Method, disparity: Array
 ) -> dict[str, Any]:
-    """The ``images`` of a row with its maps; these are written beside its disparity unless they are there."""
+    """Return the ``images`` of a row with its maps added. The maps are written beside the disparity unless they
+    exist.
+    """
     if has_maps(images, method, run.maps):
         return images
     folder = (run.out / images["disparity"]).parent
@@ -209,7 +214,7 @@ def _add_maps(
 
 
 def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) -> bool:
-    """Whether a row has the requested maps; true without a request."""
+    """Return whether a row has the requested maps; True if no maps are requested."""
     wanted = {} if cell_m is None else name_maps(method, cell_m)
     return all(kind in images and Path(images[kind]).name == name for kind, name in wanted.items())
 

@@ -1,7 +1,8 @@
-"""Measuring pairs by the workers of a Dask cluster.
+"""Measure pairs with the workers of a Dask cluster.
 
 A task is a pair, as for ``measuring_processes``: a worker writes the pictures and facts of its pair, and returns the
-events of ``measure_pair``. Only the process that asked for it writes rows. A pair whose worker is lost is done again.
+events of ``measure_pair``. Only the process that submitted the task writes rows. A pair whose worker is lost is
+measured again.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from .measure_pair import MeasureRun, MeasureTask, measure_pair
 
 #: Tasks that a worker holds at once: the one in progress, and the next.
 _TASKS_PER_WORKER = 2
-#: OpenEXR is silenced by exchanging the standard error of the whole process.
+#: One measurement at a time, because OpenEXR is silenced by exchanging the standard error of the whole process.
 _ONE_AT_A_TIME = Lock()
 
 
 def measure_on_cluster(
     address: str, paths: Sequence[Path], run: MeasureRun, tasks: Iterator[MeasureTask]
 ) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
-    """Do all tasks on the Dask cluster at an address; as ``measuring_processes.MeasuringProcesses.measure``.
+    """Do all tasks on the Dask cluster at an address, and yield events as ``MeasuringProcesses.measure`` does.
 
     Every worker needs this package, the packages of the evaluator, and the pairs and ``run.out`` at the same paths.
-    Raises IcyMoonError if there is no cluster, and DiskError if a disk refuses.
+    Raises IcyMoonError if there is no cluster, and DiskError if a file cannot be written.
     """
     setup = json.dumps(
         {
@@ -78,7 +79,7 @@ def measure_on_cluster(
 
 
 def measure_task(setup: str, task: dict[str, Any]) -> list[dict[str, Any]]:
-    """A task of a worker: measure a pair."""
+    """Measure the pair of a task, on a worker; return the events."""
     sources, run = _unpack_setup(setup)
     with _ONE_AT_A_TIME:
         return list(measure_pair(sources[task["pair"]], run, MeasureTask(**task)))

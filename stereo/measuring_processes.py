@@ -1,8 +1,8 @@
-"""Measuring pairs in several processes.
+"""Measure pairs in several processes.
 
-Each process is started once and measures pair after pair: a line of JSON with a task comes in, a line for each event of
-``measure_pair`` goes out. Only the process that started them writes rows, so a log has one writer. The processes end
-when their input ends, however the starting process ends.
+Each process is started once and measures pair after pair: it reads a line of JSON with a task, and writes a line for
+each event of ``measure_pair``. Only the process that started them writes rows, so a log has one writer. The processes
+end when their input ends, however the starting process ends.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ _LOOK_S = 0.25
 
 
 def choose_process_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
-    """Number of processes that measure: ``jobs``, or as many as processors and pairs allow; 1 means this process."""
+    """Choose the number of measuring processes: ``jobs``, or as many as processors and pairs allow; 1 means this
+    process.
+    """
     if jobs is not None:
         return jobs
     if not all(method.name in (PREDICTION, LIDAR) or uses_one_processor(method.name) for method in methods):
@@ -65,10 +67,10 @@ class MeasuringProcesses:
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
     def measure(self, tasks: Iterator[MeasureTask]) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
-        """Run all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended: the
-        reason, and the fix.
+        """Run all tasks, and yield each event with its task. If a process ended, yield {"type": "died", "message"} with
+        the reason and the fix.
 
-        Raises DiskError if the disk refuses.
+        Raises DiskError if a file cannot be written.
         """
         idle: list[_Process] = []
         busy: dict[_Process, MeasureTask] = {}
@@ -146,19 +148,19 @@ class _Process:
         said.put((self, None))
 
     def send(self, data: dict[str, Any]) -> None:
-        """Write a line to the process; does nothing after its end, which its reader notices."""
+        """Write a line to the process. Does nothing if the process has ended, which its reader notices."""
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.write((json.dumps(data) + "\n").encode())
             self._process.stdin.flush()
 
     def end(self) -> str:
-        """Wait for the end of the process, and describe it as the end of a sentence."""
+        """Wait for the end of the process, and describe how it ended in words that end a sentence."""
         status = self._process.wait()
         return f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
 
     def kill(self) -> None:
-        """End it at once, with all that it has started."""
+        """End the process at once, with all processes that it has started."""
         kill_all(self._process)
         self._reader.join()
         assert self._process.stdin is not None
@@ -167,7 +169,9 @@ class _Process:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The program of a measuring process: run the tasks from the standard input until it ends."""
+    """Run the program of a measuring process: do the tasks from the standard input until it ends. Return the
+    exit code.
+    """
     del arguments
     lines = sys.stdin.buffer
     with _take_standard_output() as out:

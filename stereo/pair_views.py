@@ -1,7 +1,7 @@
 """A rendered pair as pictures for the window: the camera images and the true depth.
 
-It needs only numpy, which Blender has. Images of a distorting lens are interpolated with OpenCV, so here the images
-come from pinhole cameras, and are not rectified if the eyes are toed in. Edge-aware demosaicing is OpenCV's too.
+This needs only NumPy, which Blender has. OpenCV is needed to interpolate the images of a distorting lens, so the images
+here come from pinhole cameras, and are not rectified if the eyes are toed in. Edge-aware demosaicing is OpenCV's too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .images.lettering import measure_text_width_px, put_text
 MAX_PX = 1280
 _INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark theme
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
-_COLOUR_SHARE = 0.6  # of the depth's colours over the left image
+_COLOUR_SHARE = 0.6  # opacity of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 _MIN_LETTERED_PX = 400  # columns of an eye's image beside which captions and numbers have room
 
@@ -43,7 +43,8 @@ _LIT_LEVEL = 0.2
 
 
 def describe_darkness(levels: Array) -> str:
-    """Which share of an image is nearly black, and why, in a line of the sidebar; empty if it is less than half.
+    """Describe, in a line of the sidebar, the share of an image that is nearly black, and the cause; "" if less than
+    half is.
 
     ``levels``, of any shape, are the numbers of the image as shares of their range, as a screen shows them.
     """
@@ -64,7 +65,7 @@ class PairViews:
     shown_left: Array  # (H, W, 3), R, G, B: in colour if the sensor sees it
     shown_right: Array
     depth: Array  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
-    scale: Scale  # of the depth's colours
+    scale: Scale  # colour scale of the depth
     range_m: tuple[float, float] | None  # nearest and farthest depth; None if the image shows only sky
     exposures_s: tuple[float, ...]
     saturated: float  # share of the left pixels
@@ -72,11 +73,12 @@ class PairViews:
     reduced: int  # factor by which width and height are reduced
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
     darkness: str  # ``describe_darkness`` of the left image
-    about: str  # what tells it from other pairs: its Sun and the size of its images
+    about: str  # its difference from other pairs: its Sun and the size of its images
 
     def pictures(self, view: str) -> list[Array]:
-        """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that alternate. KeyError for an unknown
-        view."""
+        """Return the picture of a view, uint8 RGB (H, W, 3), in a list; for FLICKER the two that alternate. Raises
+        KeyError for an unknown view.
+        """
         return {
             "SIDE_BY_SIDE": self._make_side_by_side,
             "LEFT": lambda: [self.shown_left],
@@ -130,7 +132,9 @@ class PairViews:
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
     def _make_title(self, room_px: int, letter_px: float) -> str:
-        """The longest title of the colour bar that fits. It names the ends of the colours if the depth goes beyond."""
+        """Choose the longest title of the colour bar that fits. It states the range of the colours if the depth exceeds
+        it.
+        """
         if self.range_m is None:
             return "No depth"
         low, high = self.range_m
@@ -158,7 +162,7 @@ class PairViews:
 def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], most_px: int = MAX_PX) -> PairViews:
     """Read a pair and develop it as ``develop`` does; ``response`` overrides settings that need no new render.
 
-    Images of more than ``most_px`` columns or rows are reduced. Raises IcyMoonError if the pair is gone, damaged or
+    Images of more than ``most_px`` columns or rows are reduced. Raises IcyMoonError if the pair is missing, damaged or
     without depth.
     """
     pair = read_unchanged_pair(folder)
@@ -190,7 +194,7 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
 
 
 def _describe_pair(pair: Pair) -> str:
-    """The elevation of the Sun, unless it is unknown, and columns and rows of the images."""
+    """Describe a pair by the elevation of its Sun, if known, and the columns and rows of its images."""
     sun = [] if pair.sun is None else [f"Sun {pair.sun.elevation_deg:.0f}°"]
     return ", ".join([*sun, f"{pair.camera.width_px} x {pair.camera.height_px}"])
 
@@ -222,7 +226,7 @@ def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
 
 
 def _find_shift_px(pair: Pair, depth: Array) -> int:
-    """Disparity of the median depth; 0 for toed-in eyes, which need no alignment."""
+    """Find the disparity of the median depth, px; 0 for toed-in eyes, which need no alignment."""
     if pair.camera.toe_in_deg or not depth.size:
         return 0
     return min(round(float(pair.camera.disparity(np.median(depth)))), pair.camera.width_px // 2)
@@ -237,19 +241,19 @@ def _reduce(image: Array, factor: int) -> Array:
 
 
 def _enlarge(picture: Array) -> Array:
-    """A picture (H, W, 3) whose pixels are squares of whole pixels, if it is too small for letters."""
+    """Enlarge a picture (H, W, 3) that is too small for letters, by repeating each pixel in a square."""
     factor = -(-_MIN_LETTERED_PX // picture.shape[1])
     return picture.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
 def _sample_depth(depth: Array, factor: int) -> Array:
-    """The depth of one pixel of each of these squares, never a mean."""
+    """Sample the depth of one pixel in each square of ``factor`` pixels; depths are never averaged."""
     height, width = (n // factor for n in depth.shape)
     return depth[factor // 2 :: factor, factor // 2 :: factor][:height, :width]
 
 
 def _to_colour(image: Array) -> Array:
-    """R, G, B (H, W, 3) of an image in colour or grey."""
+    """Return a grey or colour image as R, G, B (H, W, 3)."""
     return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
 
 
@@ -260,7 +264,7 @@ def _draw_caption(text: str, shape: tuple[int, ...], size: float) -> Array:
 
 
 def _format_seconds(seconds: float) -> str:
-    """'12.5 ms', '3 s', '80 µs'."""
+    """Write a time with its unit: '12.5 ms', '3 s', '80 µs'."""
     for unit, length in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= length:
             return f"{seconds / length:.3g} {unit}"

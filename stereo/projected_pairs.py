@@ -1,4 +1,5 @@
-"""Pairs and images in the light of a projector, from one render with its lamp and the shares of light by rays.
+"""Make pairs and images in the light of a projector, from one render with its lamp and the ray-traced shares of its
+light.
 
 Light is linear, so a pattern needs no render. A share of the direct light of the lamp reaches each pixel, see
 ``rays.projector``. Indirect light follows the mean of the pattern: it is spread like the indirect light of an even
@@ -50,8 +51,12 @@ _ICE_NOTE = "projector: light that enters ice and leaves it elsewhere does not b
 
 @dataclass(frozen=True)
 class Projection:
-    """Patterns on a scene: the file of ``render.projector_worker``. ``share`` (count, H, W) and ``place`` (H, W, 2) by
-    eye are those of ``rays.projector.ProjectedEye``; ``mean`` (count,) the mean of each pattern."""
+    """Patterns projected on a scene, from the file of ``render.projector_worker``.
+
+    For each eye, ``share`` (count, H, W) is the part of the lamp's light that each pattern brings to a pixel, and
+    ``place`` (H, W, 2) are the projector's coordinates that light the pixel; see ``rays.projector.ProjectedEye``.
+    ``pose`` (4, 4) is the projector's pose in the world, and ``mean`` (count,) the mean of each pattern.
+    """
 
     share: dict[str, Array]
     place: dict[str, Array]
@@ -75,7 +80,7 @@ def read_projection(path: Path) -> Projection:
 
 
 def find_refusal(settings: Settings) -> str:
-    """Find why patterns cannot be projected in a scene with these settings, as a sentence; empty if they can."""
+    """Return a sentence on why patterns cannot be projected in a scene with these settings; "" if they can."""
     rig = settings.rig
     for bad, what, fix in (
         (rig.images != "PAIR", "has no pair", "set rig.images to PAIR"),
@@ -93,8 +98,9 @@ def find_refusal(settings: Settings) -> str:
 
 @dataclass(frozen=True)
 class WhiteLight:
-    """The light of a pair whose last lamp is a projector with all pixels on: the light of all other sources, and the
-    direct and the indirect light of the projector, (H, W, 3) by eye."""
+    """The light of a pair whose last lamp is a projector with all pixels on. By eye, (H, W, 3): the light of all other
+    sources, and the projector's direct and indirect light.
+    """
 
     others: dict[str, Array]
     direct: dict[str, Array]
@@ -102,7 +108,9 @@ class WhiteLight:
 
     @classmethod
     def read(cls, white: Pair, direct: Pair | None) -> WhiteLight:
-        """``direct`` is the same pair without bounces of light; None if ``white`` has none."""
+        """Read the light of the pair ``white``. ``direct`` is the same pair without bounces of light; None if ``white``
+        has no bounces.
+        """
         group = list_lamp_groups(white.settings.light)[-1]
         light = {eye: read_eye(white, eye)[0] for eye in EYES}
         once = light if direct is None else {eye: read_eye(direct, eye)[0] for eye in EYES}
@@ -113,21 +121,23 @@ class WhiteLight:
         )
 
     def mix(self, eye: str, share: Array, mean: float) -> Array:
-        """The light (H, W, 3) of the projector with a pattern of which each pixel gets ``share`` (H, W)."""
+        """Return the projector's light (H, W, 3) with a pattern that brings ``share`` (H, W) to each pixel and has this
+        mean.
+        """
         return np.asarray(share[..., None] * self.direct[eye] + np.float32(mean) * self.indirect[eye])
 
 
 def describe_projector(projector: Projector, pattern: Pattern, pose: Array) -> dict[str, Any]:
-    """The entry ``projector`` of ``pair.json``."""
+    """Make the entry ``projector`` of ``pair.json``."""
     return {"projector": vars(projector), "pattern": vars(pattern), "pose_to_world": pose.tolist()}
 
 
 def save_projected_pair(
     white: Pair, light: WhiteLight, found: Projection, facts: Mapping[str, Any], dataset: Path
 ) -> Path:
-    """Write a pair in the light of the first pattern to a data set, and return its folder. A pair that is there stays.
+    """Write a pair in the light of the first pattern to a data set, and return its folder. An existing pair is kept.
 
-    Its id depends on the pattern: ``own_files_sha256`` contains the pattern's hash.
+    The pair's id depends on the pattern: ``own_files_sha256`` contains the pattern's hash.
     """
     own = hashlib.sha256(
         (str(white.data.get("own_files_sha256", "")) + json.dumps(facts, sort_keys=True)).encode()
@@ -164,7 +174,7 @@ def save_projected_pair(
 
 
 def _replace_light(data: bytes, white: Pair, light: WhiteLight, eye: str, now: Array) -> bytes:
-    """The bytes of an eye's image with the light ``now`` (H, W, 3) of the projector."""
+    """Return the bytes of an eye's image with the projector's light replaced by ``now`` (H, W, 3)."""
     group, change = list_lamp_groups(white.settings.light)[-1], now - light.direct[eye] - light.indirect[eye]
     bands = {band: change[..., k] for k, band in enumerate("RGB")}
     return assemble(add_light(read_pieces(data), {IMAGE_PASS: bands, f"{IMAGE_PASS}_{group}": bands}))
@@ -172,8 +182,9 @@ def _replace_light(data: bytes, white: Pair, light: WhiteLight, eye: str, now: A
 
 @dataclass(frozen=True)
 class Decoded:
-    """Columns of the projector (H, W) that an eye's images show, their true values, and the planar depth in metres from
-    them; NaN where unknown."""
+    """The columns of the projector (H, W) that an eye's images show, the true columns, the planar depth, m, from the
+    decoded columns, and the true depth, m; NaN where unknown.
+    """
 
     column: Array
     true_column: Array
@@ -181,8 +192,9 @@ class Decoded:
     true_depth_m: Array
 
     def summarise(self) -> dict[str, float]:
-        """Share of the lit pixels with a column, and errors of columns and of depths over their truth. Raises
-        IcyMoonError if there is no column."""
+        """Return the share of the lit pixels with a decoded column, and the errors of columns and depths. Raises
+        IcyMoonError if no column was decoded.
+        """
         lit, known = np.isfinite(self.true_column), np.isfinite(self.column) & np.isfinite(self.true_column)
         if not known.any():
             raise IcyMoonError(
@@ -201,8 +213,9 @@ class Decoded:
 def develop_patterns(
     white: Pair, light: WhiteLight, found: Projection, settings: Settings
 ) -> tuple[dict[str, list[Array]], int]:
-    """The images by eye in the light of each pattern, at the exposure of the projector with all pixels on, and their
-    bits."""
+    """Develop the images by eye in the light of each pattern, at the exposure of the projector with all pixels on; also
+    return the bits of their numbers.
+    """
     images: dict[str, list[Array]] = {eye: [] for eye in EYES}
     bits, fixed = 0, settings
     for k, mean in enumerate(found.mean.tolist()):
@@ -224,7 +237,7 @@ def develop_patterns(
 def decode_pair(
     white: Pair, images: Mapping[str, list[Array]], bits: int, found: Projection, projector: Projector, pattern: Pattern
 ) -> dict[str, Decoded]:
-    """Columns and depths of both eyes from their images of Gray code and phase."""
+    """Decode the columns and depths of both eyes from their images of Gray code and phase."""
     decoded = {}
     for eye in EYES:
         pose, (_, view) = white.rectified_pose(eye), read_eye(white, eye)

@@ -1,4 +1,4 @@
-"""Developing rendered pairs again with another camera response, without a new render."""
+"""Develop rendered pairs again with another camera response, without a new render."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .images.image_files import write_npy, write_png
 from .images.lens import make_rectification
 from .images.views import read_sensor_depth
 
-#: Files that only some settings produce. Files of an earlier run are removed.
+#: Files that only some settings produce, so those from an earlier run are removed.
 _REMOVED_FILES = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
@@ -39,7 +39,7 @@ def reexpose(
     Writes to ``out/<pair>/``:
 
     * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits, in colour if the sensor is;
-    * of a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
+    * with a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
     * with a distorting lens, toed-in or calibrated eyes or an erroneous calibration, the image of the sensor as
       ``left_distorted.png`` (a colour sensor's is the mosaic), and the depth of its pixels (npy, metres along the axis
@@ -48,7 +48,7 @@ def reexpose(
     * last, ``images.json``: exposure, gain, calibration and settings.
 
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
-    there is no pair and, at the end, if one failed.
+    there is no pair and, at the end, if a pair failed.
     """
     folders = list(dict.fromkeys(folder for path in paths for folder in find_pair_folders(path)))
     done: list[Path] = []
@@ -109,7 +109,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 
 
 def _list_images(images: DevelopedImages, sensor_bits: int) -> dict[str, Array]:
-    """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
+    """Return the images to write, by name. Images of 8 bits are uint8; colour images have the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.is_rectified:
         kind = "mosaic" if images.is_mosaic else "distorted"

@@ -23,8 +23,8 @@ def make_result_row(
     info: Mapping[str, Any],
     confidences: Mapping[str, Array],
 ) -> Row:
-    """The row of a method that has computed a disparity (H, W), px, with the facts ``info`` of ``match``, and the
-    ``confidences`` of its pixels, by measure.
+    """Make the row of a method from its disparity (H, W), px, the facts ``info`` of ``match``, and the ``confidences``
+    of its pixels, by measure.
 
     ``key`` is the digest by which a later run recognises the row. Metrics over common pixels and the paths of pictures
     are added later.
@@ -49,8 +49,9 @@ def make_result_row(
 
 
 def _find_bm_least(method: Method, info: Mapping[str, Any]) -> int | None:
-    """The least disparity of a map that StereoBM alone computed; None for other maps, also those joined with range
-    points, in which failed matches have no mark."""
+    """Find the least disparity of a map that StereoBM alone computed. None for other maps, also for maps that were
+    joined with range points, in which failed matches have no mark.
+    """
     return info["options"]["min_disparity"] if method.name == "bm" and method.lidar is None else None
 
 

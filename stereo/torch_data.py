@@ -95,15 +95,17 @@ class Dataset:
         return len(self.pairs)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw crops, noise and augmentation of another epoch; call it before a ``DataLoader`` starts its workers."""
+        """Set the epoch of crops, noise and augmentation; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
+        """Return the sample with this number, the same for the same seed and epoch. Raises IcyMoonError without
+        PyTorch.
+        """
         return to_tensors(self.arrays(range(len(self.pairs))[number]))
 
     def arrays(self, number: int) -> dict[str, Any]:
-        """The sample as NumPy arrays."""
+        """Return the sample as NumPy arrays."""
         pair = self.pairs[number]
         random = make_generator(self._seed, "training", self._epoch, int(pair.id, 16))
         drawn = {name: float(random.uniform(low, high)) for name, (low, high) in self._ranges.items()}
@@ -115,7 +117,7 @@ class Dataset:
         )
         rows, columns, left, upper = self._draw_window(pair, random)
         crop = Crop(rows, columns)
-        # Range points are of the whole image.
+        # Range points are drawn in the whole image, so it is read without a crop.
         shown = self._crops.read(pair, settings, crop) if self._crop and self._lidar is None else None
         if shown is None:
             whole = read_whole(pair, settings)
@@ -137,13 +139,15 @@ class Dataset:
         }
 
     def _mark_range_points(self, pair: Pair, whole: Mapping[str, Any], options: Mapping[str, Any]) -> Array:
-        """The disparities (H, W) of the range points of a pair in this epoch."""
+        """Return the disparities (H, W), px, of the range points of a pair in this epoch."""
         truth = np.where(whole["valid"], pair.camera.depth(whole["disparity_px"]), np.nan)
         random = make_point_generator(options["seed"], pair.name, self._epoch)
         return mark_pixels(make_range_points(options, pair, truth, pair.camera, random), truth.shape)
 
     def _draw_window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
-        """Rows and columns of the crop, and its corner. Both eyes have the same columns, so disparities stay."""
+        """Draw the rows and columns of the crop, and its corner. Both eyes have the same columns, so
+        disparities stay.
+        """
         width, height = self._crop or (pair.camera.width_px, pair.camera.height_px)
         left = int(random.integers(pair.camera.width_px - width + 1))
         upper = int(random.integers(pair.camera.height_px - height + 1))
@@ -159,8 +163,8 @@ class Cameras:
     axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``,
     ``role``, ``model``, ``pair`` and ``scene``.
 
-    ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. For
-    the other parameters see ``Dataset``. Raises IcyMoonError if no camera is left.
+    ``cameras`` and ``roles`` choose cameras by name and by role; without both, all cameras are chosen. Only images of
+    one size fit into a batch. For the other parameters see ``Dataset``. Raises IcyMoonError if no camera is left.
     """
 
     def __init__(
@@ -195,15 +199,17 @@ class Cameras:
         return len(self.samples)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw the noise of another epoch; call it before a ``DataLoader`` starts its workers."""
+        """Set the epoch of the noise; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
+        """Return the sample with this number, the same for the same seed and epoch. Raises IcyMoonError without
+        PyTorch.
+        """
         return to_tensors(self.arrays(range(len(self.samples))[number]))
 
     def arrays(self, number: int) -> dict[str, Any]:
-        """The sample as NumPy arrays."""
+        """Return the sample as NumPy arrays."""
         pair, camera = self.samples[number]
         random = make_generator(self._seed, "training", self._epoch, int(pair.id, 16), find_stream(camera.name))
         settings = merged(pair.settings, self._response, {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}})
@@ -232,16 +238,16 @@ class Cameras:
 def stream_made_pairs(
     split: str = "train", *, seed: int = 0, crop_px: tuple[int, int] = CROP_PX, first_ground: int = 0
 ) -> SampleStream:
-    """An ``IterableDataset`` of pairs made by rays, without Blender and without end, beside ``Dataset``.
+    """Make an endless ``IterableDataset`` of ray-traced pairs, without Blender.
 
     A sample has the keys of a sample of ``Dataset``: ``left``, ``right``, ``disparity_px``, ``valid``, ``occluded``,
     the camera, and the texts ``pair`` and ``scene``. Sample n of a split and seed is the same in any worker and for any
-    number of workers. ``split`` is "train"; "ground" with other grounds alone; or "landform", "body" and "sun", which
-    have what training never shows. ``crop_px`` is (width, height), multiples of 8. Raises IcyMoonError for other
+    number of workers. ``split`` is "train"; "ground" for new grounds of the same kinds; or "landform", "body" or "sun"
+    for kinds that training never shows. ``crop_px`` is (width, height), multiples of 8. Raises IcyMoonError for other
     values, without PyTorch, and without Embree.
     """
     require_torch()
-    # They need OpenCV, which samples of rendered pairs do not.
+    # Imported here, because they need OpenCV, and samples of rendered pairs do not.
     from .learning.made_pairs import MadePairs
     from .learning.sample_stream import SampleStream
 
@@ -251,8 +257,9 @@ def stream_made_pairs(
 def _choose_pairs(
     paths: str | Path | Sequence[str | Path], split: str | None, splits: Mapping[str, float] | None
 ) -> list[Pair]:
-    """The pairs of data sets that are in a split, or all. Raises IcyMoonError for an unknown split, and if no pair is
-    left."""
+    """Choose the pairs of data sets that are in a split, or all pairs. Raises IcyMoonError for an unknown split, and if
+    no pair is left.
+    """
     stated = None if splits is None else check_splits(splits)
     roots = [paths] if isinstance(paths, str | Path) else list(paths)
     found = [pair for root in roots for pair in find_pairs(Path(root))]
@@ -275,7 +282,9 @@ def _choose_pairs(
 
 
 def _make_setting(name: str, value: float) -> Settings:
-    """A partial description of one setting that needs no new render. Raises IcyMoonError for any other."""
+    """Make a partial description with one setting that needs no new render. Raises IcyMoonError for any other
+    setting.
+    """
     topic, _, key = name.partition(".")
     whole = topic in TOPICS and any(s.key == key and s.kind == "int" for s in TOPICS[topic].settings)
     found = check({topic: {key: round(value) if whole else float(value)}}, "augment")

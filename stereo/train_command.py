@@ -15,7 +15,7 @@ from ..support.terminal import add_json_lines, as_path, check_least, tell_events
 
 #: Packages that training imports.
 _PACKAGES = ("torch", "safetensors", "onnx", "matplotlib", "cv2")
-#: Seconds between checkpoints: the most that a kill loses.
+#: Seconds between checkpoints: a killed training loses at most this time.
 _SAVE_INTERVAL_S = 60.0
 #: Learning rate of a training that starts from weights: a third of the usual one, so that it forgets less.
 _RATE_FROM_WEIGHTS = 3e-4
@@ -98,7 +98,7 @@ def run_train(parsed: argparse.Namespace) -> int:
 
 
 def _require_packages() -> None:
-    """Raise IcyMoonError without a package that training needs."""
+    """Raise IcyMoonError if a package that training needs is missing."""
     missing = [name for name in _PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         raise IcyMoonError(

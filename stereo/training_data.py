@@ -1,4 +1,4 @@
-"""The samples that a training names: pairs made by rays, pairs of data sets, or both by turns."""
+"""The sources of samples that a training names: ray-traced pairs, pairs of data sets, or both by turns."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .learning.made_pairs import MadePairs
 from .learning.sources import GroundSource, RotatingSources
 from .torch_data import Dataset
 
-#: The word that names the pairs made by rays; ``made:`` before a preset or a file of settings takes the ground from it.
+#: The word that names ray-traced pairs; ``made:`` and the name of a preset or a settings file takes the ground from it.
 MADE, _MADE_OF = "made", "made:"
-#: Pairs of a group, and crops of each: as many samples as of a ground made by rays, and of more than one scene.
+#: Pairs of a group, and crops of each: as many samples as from a ray-traced ground, and from more than one scene.
 _PAIRS_PER_GROUP, _CROPS_PER_PAIR = 6, 4
 
 
@@ -29,7 +29,7 @@ class PairsOfDataSet:
         self.name = f"{folder.resolve().name}-{seed}"
 
     def list_ground(self, number: int) -> Iterator[Mapping[str, Any]]:
-        """Crops of some pairs; all pairs come once before one comes again."""
+        """Yield crops of a group of pairs. Every pair comes once before any comes again."""
         first = number * _PAIRS_PER_GROUP
         for each in range(first, first + _PAIRS_PER_GROUP):
             turn, pair = divmod(each, len(self._pairs))
@@ -40,8 +40,9 @@ class PairsOfDataSet:
 
 
 def open_sources(names: Sequence[str], crop_px: tuple[int, int], seed: int) -> GroundSource:
-    """The source of the names: ``MADE``, ``made:`` and a preset or a file of settings, or folders of data sets. Raises
-    IcyMoonError for a name that comes twice, a folder without such pairs, and ground that rays cannot make."""
+    """Open the source of the names: ``MADE``, ``made:`` with a preset or a settings file, or folders of data sets.
+    Raises IcyMoonError for a repeated name, a folder without training pairs, and ground that rays cannot make.
+    """
     if len(set(names)) < len(names):
         raise IcyMoonError(f"--data has {' '.join(names)}, of which one comes twice; name each once.")
     sources = [_open_source(name, crop_px, seed) for name in names]
@@ -58,7 +59,7 @@ def _open_source(name: str, crop_px: tuple[int, int], seed: int) -> GroundSource
 
 
 def read_ground(name: str, option: str) -> Settings:
-    """The complete settings of a preset or a file of settings. ``option`` is the option that names it on a command
+    """Read the complete settings of a preset or a settings file. ``option`` is the option that names it on a command
     line. Raises IcyMoonError for ground that rays cannot make.
     """
     settings = merged(defaults(), load_named(name))

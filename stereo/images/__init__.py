@@ -1,1 +1,1 @@
-"""The images of a pair: reading, developing, and the truth of each pixel."""
+"""The images of a pair: read, developed, and with the truth of each pixel."""

@@ -1,10 +1,10 @@
-"""Decodes foreign images with bounded memory and time.
+"""Decode foreign images with bounded memory and time.
 
 OpenCV and OpenEXR have had memory errors, and files of a few kB can keep them busy for minutes. So another process
 decodes foreign images. It starts with the first such image and stays: it receives a line of JSON and a file, and
 answers with a line of JSON and the pixels. Its memory and time are limited in proportion to the stated size. A decoder
-that crashes or takes longer is ended, and the next image gets a new decoder. The decoder ends when its input ends, at
-every kind of end of this process.
+that crashes or takes longer is ended, and the next image gets a new decoder. The decoder ends when its input ends,
+however this process ends.
 
 Pixels whose size differs from the file's header are refused.
 """
@@ -33,13 +33,13 @@ from ...support.foreign_bytes import RefusedError, parse_json
 from .exr_header import Channel
 from .image_headers import EncodedImage
 
-#: Seconds for an image: the largest takes 4 s, and a machine may be busy with much else.
+#: Seconds for an image: the largest takes 4 s, and a machine may be busy with other work.
 _MAX_DECODING_S = 60.0
 #: Processor time of a decoder: the time to load the libraries, and ten times the time of the slowest format, 100 MB/s.
 _CPU_S, _CPU_S_PER_BYTE = 2.0, 1e-7
 #: Memory of a decoder: copies of the pixels (progressive JPEG has coefficients of two bytes), and bytes for the file.
 _PIXEL_COPIES, _FILE_BYTES = 3, 2**26
-#: Seconds between looks for an answer.
+#: Seconds between two checks for an answer.
 _POLL_S = 0.25
 #: Most bytes of a line of an answer.
 _LONGEST_LINE = 10_000
@@ -60,7 +60,9 @@ def decode(image: EncodedImage) -> Array:
 
 
 def decode_exr(path: Path, channel: Channel, all_bytes: int) -> Array:
-    """The pixels of one channel of an EXR file, whose channels have ``all_bytes``. Raises as ``decode`` does."""
+    """Decode one channel of an EXR file, whose channels have ``all_bytes``, to pixels (H, W). Raises as ``decode``
+    does.
+    """
     request = {"path": str(path), "part": channel.part, "channel": channel.name}
     pixels = _ask_decoder(request, b"", all_bytes)
     if pixels.shape != (channel.height, channel.width) or pixels.dtype != channel.dtype:
@@ -69,7 +71,7 @@ def decode_exr(path: Path, channel: Channel, all_bytes: int) -> Array:
 
 
 class _DecoderDiedError(Exception):
-    """The process that decodes images has ended."""
+    """The decoding process has ended."""
 
 
 class _Decoder:
@@ -98,8 +100,8 @@ class _Decoder:
             ) from None
 
     def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> Array | str:
-        """The pixels, or the error in words. Raises _DecoderDiedError if the decoder has ended, TimeoutError if it
-        takes too long.
+        """Return the decoder's pixels, or its error in words. Raises _DecoderDiedError if the decoder has ended,
+        TimeoutError if it takes too long.
         """
         answer: queue.SimpleQueue[Array | str | None] = queue.SimpleQueue()
         # A thread, since Windows cannot wait for a pipe with a limit.
@@ -131,7 +133,7 @@ class _Decoder:
             answer.put(None)
 
     def end(self) -> int | None:
-        """End the decoder; returns its earlier exit status, None if it was running."""
+        """End the decoder. Return its exit status if it had ended before, else None."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_POLL_S)
         status = self._process.poll()
@@ -140,7 +142,7 @@ class _Decoder:
         return status
 
     def close(self) -> None:
-        """Close our ends of its pipes, which forked processes have copied."""
+        """Close our ends of the decoder's pipes, which forked processes have copied."""
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
             with suppress(OSError):  # the decoder left input unread
@@ -148,7 +150,7 @@ class _Decoder:
 
 
 def _read_answer(stream: IO[bytes], most_bytes: int) -> Array | str:
-    """The pixels, or the error in words. Raises ValueError for any other answer."""
+    """Read the pixels, or the error in words. Raises ValueError for any other answer."""
     line = stream.readline(_LONGEST_LINE)
     if not line.endswith(b"\n"):
         raise ValueError("it has ended")
@@ -221,7 +223,7 @@ def stop_decoder() -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the decoder: decode images until the input ends."""
+    """Run the decoder: decode images until the input ends. Return the exit code."""
     del arguments
     source, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # drops the output of libraries

@@ -37,7 +37,7 @@ MAGMA = (
 
 @lru_cache(maxsize=2)
 def _read_colormap(colormap: str) -> Array:
-    """BGR uint8 (256, 3) of a colour map."""
+    """Read a colour map as BGR uint8 (256, 3)."""
     stops = np.frombuffer(bytes.fromhex(colormap), np.uint8).reshape(-1, 3)
     at = np.linspace(0, 255, len(stops))
     return np.stack([np.rint(np.interp(np.arange(256), at, stops[:, k])) for k in (2, 1, 0)], axis=1).astype(np.uint8)
@@ -63,20 +63,21 @@ class Scale:
 
     @property
     def labels(self) -> list[tuple[float, str]]:
-        """Positions from 0 to 1 and texts of both ends, with three digits, and of the ticks that are not close to an
-        end."""
+        """Labels as positions from 0 to 1 and texts: both ends, with three digits, and the ticks that are not close to
+        an end.
+        """
         inner = [(float(self.position(tick)), f"{tick:g}") for tick in self.ticks]
         ends = [(0.0, f"{self.low:.3g}"), (1.0, f"{self.high:.3g}")]
         return [ends[0], *(each for each in inner if _END_SHARE < each[0] < 1 - _END_SHARE), ends[1]]
 
     def position(self, value: Numbers) -> Array:
-        """Position of values on the scale, from 0 to 1; values beyond its ends are put at the ends."""
+        """Return the positions of values on the scale, from 0 to 1; values beyond its ends are put at the ends."""
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)
 
     def colours(self, value: Array, greys: Mapping[int, Array] | None = None) -> Array:
-        """BGR uint8 (H, W, 3) of values (H, W), with grey levels where their masks are set (the last one wins). NaN
-        without a grey gets an arbitrary colour.
+        """Colour values (H, W), BGR uint8 (H, W, 3). ``greys`` are masks by grey level, which replace the colours; the
+        last mask wins. NaN outside the masks gets an arbitrary colour.
         """
         held = np.fmin(np.fmax(value, self.low), self.high).astype(np.float32)
         steps = (np.log(held) - np.float32(math.log(self.low))) * np.float32(255 / math.log(self.high / self.low))
@@ -88,7 +89,7 @@ class Scale:
         return np.take(np.concatenate([table, greyscale]), level, axis=0)  # far faster than an index
 
     def gradient(self, stops: int = 17) -> list[str]:
-        """CSS colours at equal steps along the scale."""
+        """Return CSS colours at equal steps along the scale."""
         level = np.rint(np.linspace(0, 255, stops)).astype(np.uint8)
         return [f"rgb({r},{g},{b})" for b, g, r in _read_colormap(self.colormap)[level].tolist()]
 
@@ -99,13 +100,14 @@ CONFIDENCE_SCALE = Scale(0.03, 3.0, MAGMA, "Expected error (px), log scale")
 
 
 _DEPTH_QUANTILES = (0.01, 0.99)
-#: What a legend says of the ends of a scale of depths, beyond which the colours do not change.
+#: Words of a legend for the ends of a scale of depths, beyond which the colours do not change.
 DEPTH_ENDS = "ends at 1 and 99 %"
 
 
 def make_depth_scale(truth: Array) -> Scale:
-    """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m), wider for a flat
-    ground."""
+    """Make the scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m), wider for flat
+    ground.
+    """
     known = truth[np.isfinite(truth)]
     if not known.size:
         return Scale(1.0, 10.0)
@@ -116,32 +118,36 @@ def make_depth_scale(truth: Array) -> Scale:
 
 
 def name_depth_scale(low: float, high: float, nearest: float, farthest: float) -> Scale:
-    """The scale from ``low`` to ``high`` for depths from ``nearest`` to ``farthest``, all in metres. Its title states
-    percentiles if depths lie beyond an end."""
+    """Make the scale from ``low`` to ``high`` for depths from ``nearest`` to ``farthest``, all in metres. Its title
+    states percentiles if depths lie beyond an end.
+    """
     cut = nearest < low or high < farthest
     return Scale(low, high, title=f"Depth (m), log, {DEPTH_ENDS}" if cut else Scale.title)
 
 
 def draw_depth(depth: Array, scale: Scale) -> Array:
-    """BGR picture of planar depth (m); INVALID_GREY where the depth is unknown."""
+    """Draw planar depth (m) as a BGR picture; INVALID_GREY where the depth is unknown."""
     return scale.colours(depth, {INVALID_GREY: ~np.isfinite(depth)})
 
 
 def draw_true_depth(truth: Array, scale: Scale) -> Array:
-    """BGR picture of the true planar depth (m); SKY_GREY for sky."""
+    """Draw the true planar depth (m) as a BGR picture; SKY_GREY for sky."""
     return scale.colours(truth, {SKY_GREY: ~np.isfinite(truth)})
 
 
 def draw_error(prediction: Array, truth: Array) -> Array:
-    """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
+    """Draw |prediction - truth| as a BGR picture on ERROR_SCALE; SKY_GREY without a truth, INVALID_GREY without a
+    prediction.
+    """
     return ERROR_SCALE.colours(
         np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
     )
 
 
 def draw_confidence(confidence: Array, measured: Array) -> Array:
-    """BGR picture of confidences from 0 to 1 as expected errors on CONFIDENCE_SCALE; INVALID_GREY where not
-    ``measured``. Bright is unsure, as it is wrong in a picture of errors."""
+    """Draw confidences (H, W) from 0 to 1 as a BGR picture of expected errors on CONFIDENCE_SCALE. A low confidence is
+    bright, like a large error. Pixels that are not ``measured`` are INVALID_GREY.
+    """
     expected = -np.log(np.maximum(confidence, np.finfo(np.float32).tiny))
     return CONFIDENCE_SCALE.colours(expected, {INVALID_GREY: ~measured})
 
@@ -151,8 +157,9 @@ _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF
 
 
 def colour_signed_errors(error_m: Array, full_m: float = ERROR_SCALE.high, right_m: float = ERROR_SCALE.low) -> Array:
-    """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below ``right_m``,
-    INVALID_GREY for NaN. The scale is logarithmic, as in the error pictures; from ``full_m`` on the colour is full."""
+    """Colour signed depth errors, RGB uint8 (n, 3): blue for too near, red for too far, white below ``right_m``,
+    INVALID_GREY for NaN. The scale is logarithmic, as in the error pictures; from ``full_m`` on the colour is full.
+    """
     scale = replace(ERROR_SCALE, low=right_m, high=full_m)
     amount = scale.position(np.nan_to_num(np.abs(error_m.astype(np.float64))))[:, None]
     end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
@@ -174,15 +181,15 @@ _OUTCOME_COLOURS = (
 
 
 def draw_outcomes(flags: Array, shape: tuple[int, ...]) -> Array:
-    """BGR picture (H, W) with ``shape`` of each pixel's outcome, from ``flags`` (h, w) of any size."""
+    """Draw each pixel's outcome as a BGR picture (H, W) of ``shape``, from ``flags`` (h, w) of any size."""
     colours = np.array(_OUTCOME_COLOURS, np.uint8)[flags.astype(np.intp) % len(_OUTCOME_COLOURS)]
     row, column = (np.arange(wanted) * had // wanted for wanted, had in zip(shape, flags.shape, strict=True))
     return np.asarray(colours[row[:, None], column])
 
 
 def make_outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
-    """(name, CSS colour, share) of each occurring outcome, from its number of pixels in ``counts``, in the order of the
-    flags.
+    """Make the legend of outcomes: (name, CSS colour, share) of each that occurs, in the order of ``counts``, the
+    number of pixels by outcome.
     """
     total = sum(counts.values())
     return [
@@ -193,14 +200,14 @@ def make_outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float
 
 
 def add_colour_bar(picture: Array, scale: Scale) -> Array:
-    """The picture, with the scale's colour bar, ticks and title in a strip below it."""
+    """Return the picture with the scale's colour bar, ticks and title in a strip below it."""
     return np.vstack([picture, draw_colour_bar(picture.shape[1], scale)])
 
 
 def draw_colour_bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> Array:
-    """Colour bar of a scale, with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3).
+    """Draw the colour bar of a scale, with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3).
 
-    ``ink`` is the grey level of ticks and text, and ``paper`` of the background.
+    ``ink`` is the grey level of ticks and text, and ``paper`` the grey level of the background.
     """
 
     def px(length: float) -> int:
@@ -229,7 +236,9 @@ def draw_colour_bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, p
 
 
 def _choose_ticks(low: float, high: float) -> tuple[float, ...]:
-    """Round numbers between low and high: 1, 3 or 1, 2, 5 times powers of ten, or equal steps if too few fit."""
+    """Choose round numbers between low and high: 1, 3 or 1, 2, 5 times powers of ten, or equal steps if too few of them
+    fit.
+    """
     digits = (1, 3) if high >= 100 * low else (1, 2, 5)
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     series = tuple(t for t in (m * 10.0**d for d in decades for m in digits) if low <= t <= high)

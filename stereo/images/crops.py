@@ -23,7 +23,7 @@ from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_tr
 from .lens import make_rectification
 from .views import read_eye
 
-#: Sensor settings that make a pixel depend on other pixels, or on its place on the sensor.
+#: Sensor settings that make a pixel depend on other pixels, or on its position on the sensor.
 _NONLOCAL_SETTINGS = (
     "psf_sigma_px",
     "veiling_glare",
@@ -43,15 +43,16 @@ class Crop(NamedTuple):
 
 
 class Crops:
-    """Reads windows of pairs, and keeps the auto-exposure level of each whole pair, one number."""
+    """Reads windows of pairs. It keeps one number of each whole pair, the level for auto exposure."""
 
     def __init__(self) -> None:
         self._levels: dict[tuple[str, tuple[float, ...], float], float] = {}
 
     def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, Array] | None:
-        """The arrays of ``read_whole`` in a window; None if pixels depend on others, which requires the whole image.
+        """Read the arrays of ``read_whole`` in a window. None if pixels depend on others, which requires the whole
+        image.
 
-        The noise of a pixel differs from the noise in the whole image, with the same strength.
+        The noise of a pixel differs from its noise in the whole image, but has the same strength.
         """
         refuse_calibration_errors(settings.calibration_error, pair.folder)
         if not _depends_on_single_pixels(pair, settings):
@@ -77,7 +78,7 @@ class Crops:
         return _scale_images(images) | {key: value[:, crop.columns] for key, value in found.items()}
 
     def _meter_level(self, pair: Pair, settings: Settings) -> float:
-        """The level that auto exposure meters on the whole left image."""
+        """Meter the level for auto exposure on the whole left image."""
         scales = tuple(find_light_factors(settings).values())
         key = (pair.id, scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:
@@ -88,8 +89,8 @@ class Crops:
 
 
 def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
-    """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left image, (H,
-    W): ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``.
+    """Read the developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left image,
+    (H, W): ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``.
     """
     refuse_calibration_errors(settings.calibration_error, pair.folder)
     light, views = zip(
@@ -112,7 +113,7 @@ def _make_truth_arrays(camera: StereoCamera, left: Truth, right: Truth) -> dict[
 
 
 def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
-    """Whether each pixel's value depends only on the light at this pixel and on the exposure."""
+    """Return whether each pixel's value depends only on the light at this pixel and on the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
         return False  # blurred: the truth is in separate files

@@ -1,4 +1,4 @@
-"""Develops a pair: from linear radiance to the images of its camera, and to the grey images for matchers."""
+"""Develop a pair: from linear radiance to the images of its camera, and to the grey images for matchers."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _OPENCV = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}
 
 @dataclass(frozen=True)
 class Exposure:
-    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor; for a colour sensor the
+    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor. A colour sensor gives its
     mosaic.
     """
 
@@ -73,12 +73,13 @@ class DevelopedImages:
 
     left: Array  # rectified, on the pixels of the truth
     right: Array
-    # On the sensor: a colour sensor's mosaic; else the same as the rectified image, unless the lens distorts, the eyes.
+    # On the sensor: a colour sensor's mosaic; else the same as the rectified image, unless the lens distorts, the eyes
+    # are toed in or calibrated, or the calibration errs.
     detected_left: Array
-    detected_right: Array  # are toed in or calibrated, or the calibration errs
+    detected_right: Array
     bits: int
     frames: tuple[Exposure, ...]  # the exposures, longest first
-    exposure_s: float  # of the metered exposure
+    exposure_s: float  # duration of the metered exposure
     gain_dn_per_e: float
     electron_rate: float  # electrons per second per W/(m² sr); of white ground, in the channel that sees most of it
     saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if no radiance reaches it
@@ -102,24 +103,24 @@ class DevelopedImages:
         return self.detected_left is not self.left or self.detected_right is not self.right
 
     def seen(self, eye: str) -> Array:
-        """The image of an eye, rectified: R, G, B (H, W, 3) of a colour sensor, or grey (H, W)."""
+        """Return the rectified image of an eye: R, G, B (H, W, 3) of a colour sensor, or grey (H, W)."""
         colours = self.colour_left if eye == "left" else self.colour_right
         if colours is not None:
             return colours
         return self.left if eye == "left" else self.right
 
     def for_files(self, eye: str) -> Array:
-        """The image of an eye in the order B, G, R, in which OpenCV writes colours."""
+        """Return the image of an eye in the order B, G, R, in which OpenCV writes colours."""
         image = self.seen(eye)
         return image[..., ::-1] if image.ndim == 3 else image
 
     def for_matchers(self) -> tuple[Array, Array]:
-        """Left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
+        """Return left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
         return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)
 
 
 def average_bands(radiance: Array) -> Array:
-    """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
+    """Average the bands of radiance (H, W, 3) to float64 (H, W).
 
     A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Clean ice is grey, so
     the choice matters only for coloured ground, see ``sensor.band_weights``.
@@ -129,10 +130,10 @@ def average_bands(radiance: Array) -> Array:
 
 
 def scale_radiance(view: Light, pair: Pair, settings: Settings) -> Array:
-    """Radiance (H, W, 3) with Sun, planet and lamps scaled by ``sun_scale``, ``planet_scale`` and ``lamp_scales``.
+    """Scale the radiance (H, W, 3) of Sun, planet and lamps by ``sun_scale``, ``planet_scale`` and ``lamp_scales``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
-    IcyMoonError if the image is not the sum of its groups, or has light of the ground itself and no groups.
+    IcyMoonError if the image is not the sum of its groups, or if the ground emits light and there are no groups.
     """
     scales = find_light_factors(settings)
     if not view.groups:
@@ -157,9 +158,9 @@ def scale_radiance(view: Light, pair: Pair, settings: Settings) -> Array:
 def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> DevelopedImages:
     """Develop both eyes with the same response and exposure, and with independent noise.
 
-    ``left`` and ``right`` are the light that falls into the eyes, see ``views.read_eye``. The response in ``settings``
-    may differ from the response that the pair was rendered with. The same pair, data set seed and noise seed always
-    give the same noise.
+    ``left`` and ``right`` are the light at the eyes, see ``views.read_eye``. The response in ``settings`` may differ
+    from the response with which the pair was rendered. The same pair, data set seed and noise seed always give the same
+    noise.
     """
     sensor, seed = settings.sensor, int(pair.settings.dataset.seed)
     pitch_m = pixel_pitch_m(sensor, settings.rig)
@@ -227,7 +228,7 @@ class _Optics:
         )
 
     def on_sensor(self, plane: Array) -> Array:
-        """The light (H, W) of a channel on the sensor, from the light that falls into the eye."""
+        """Return the light (H, W) of a channel on the sensor, from the light at the eye."""
         there = self.camera.cropped(plane) if self.lens is None else self.lens.distort(plane)
         return apply_point_spread(apply_deposits(there, self.blocked, self.sensor), self.sensor)
 
@@ -241,8 +242,9 @@ class _Optics:
 def merge_frames(
     exposed: Mapping[str, list[Array]], times: list[float], channels: Channels, sensor: SensorSettings
 ) -> tuple[int, dict[str, Array], float]:
-    """The bits and the digital numbers of each eye, merged over all exposures; the electrons per second at full scale,
-    by the first eye."""
+    """Merge all exposures of each eye. Return the bits and the digital numbers by eye, and the electrons per second at
+    full scale, which the first eye sets.
+    """
     if len(times) == 1:
         return int(sensor.bits), {eye: frames[0] for eye, frames in exposed.items()}, capacity_e(sensor) / times[0]
     merged = {eye: exposure_brackets.merge_exposures(frames, times, sensor) for eye, frames in exposed.items()}
@@ -257,7 +259,7 @@ def merge_frames(
 def _rectify_if_needed(
     detected: Mapping[str, Array], bits: int, black: float, channels: Channels, optics: Mapping[str, _Optics]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The grey images on the pixels of the truth, and for a colour sensor the colours there, both by eye."""
+    """Return, by eye, the grey images on the pixels of the truth, and for a colour sensor the colours there."""
     if optics["left"].sensor.colour != "BAYER":
         return {eye: optics[eye].rectified(detected[eye]) for eye in EYES}, {}
     colours = {eye: optics[eye].rectified(channels.colours(detected[eye], bits, black)) for eye in EYES}
@@ -271,7 +273,7 @@ class Channels:
     def __init__(self, light: LightSettings, sensor: SensorSettings, pitch_m: float) -> None:
         self._sensor = sensor
         self.gains = np.ones(1)
-        #: Sentences for the user.
+        #: Sentences for the user about the sensor's bands.
         self.warnings: tuple[str, ...] = ()
         if sensor.colour == "MONO" and sensor.band_weights == "EQUAL":
             self._weights = None
@@ -291,8 +293,8 @@ class Channels:
                 )
 
     def planes(self, radiance: Array) -> list[Array]:
-        """Signal of each channel from a radiance (H, W, 3), float64 (H, W). Times ``rate`` it is electrons per
-        second.
+        """Return the signal of each channel, float64 (H, W), from a radiance (H, W, 3). Times ``rate`` it is electrons
+        per second.
         """
         if self._weights is None:
             return [average_bands(radiance)]
@@ -301,23 +303,27 @@ class Channels:
         return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
 
     def at_pixels(self, planes: list[Array]) -> Array:
-        """Signal (H, W) at the pixels of the sensor, from the signals of its channels."""
+        """Return the signal (H, W) at the pixels of the sensor, from the signals of its channels."""
         return planes[0] if len(planes) == 1 else apply_mosaic(np.stack(planes), self._sensor.bayer_pattern)
 
     def balanced(self, values: Array) -> Array:
-        """Values (H, W) at the pixels of the sensor times the gains of the white balance."""
+        """Multiply values (H, W) at the pixels of the sensor by the gains of the white balance."""
         if len(self.gains) == 1:
             return values
         gains = self.gains[:, None, None] * np.ones((1, *values.shape))
         return np.asarray(values * apply_mosaic(gains, self._sensor.bayer_pattern))
 
     def colours(self, numbers: Array, bits: int, black: float) -> Array:
-        """R, G, B, uint16 (H, W, 3), of a mosaic of digital numbers whose black is ``black``, with white balance."""
+        """Return R, G, B, uint16 (H, W, 3), with white balance, from a mosaic of digital numbers whose black level is
+        ``black``.
+        """
         found = demosaic(numbers, bits, self._sensor.bayer_pattern, self._sensor.demosaicing)
         return np.rint(np.clip((found - black) * self.gains + black, 0.0, 2.0**bits - 1)).astype(np.uint16)
 
     def matcher_level(self, radiance: Array, top: float) -> Array:
-        """The grey image (H, W) of matchers, 1 at full scale, without noise; ``top`` is Images.saturation_radiance."""
+        """Return the grey image (H, W) of matchers, 1 at full scale, without noise. ``top`` is the saturation radiance
+        of the developed images.
+        """
         seen = [
             np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
         ]
@@ -327,7 +333,7 @@ class Channels:
 def expose_eye(
     light: Array, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
 ) -> list[Array]:
-    """Digital numbers of one eye, exposed for each of ``times``."""
+    """Expose one eye for each of ``times``; return its digital numbers."""
     sensor, seed = settings.sensor, int(settings.sensor.noise_seed)
     shape = light.shape[0], light.shape[1]
     pattern = draw_pattern(stream[0], stream[2], shape, sensor)
@@ -346,7 +352,7 @@ def expose_eye(
 
 
 def describe_exposure(images: DevelopedImages) -> Mapping[str, Any]:
-    """The exposure of a pair, for reports; None for infinite values."""
+    """Describe the exposure of a pair, for reports; infinite values become None."""
     return {
         "exposure_s": images.exposure_s,
         "exposures_s": [frame.seconds for frame in images.frames],
@@ -366,7 +372,7 @@ def describe_exposure(images: DevelopedImages) -> Mapping[str, Any]:
 
 
 def to_8_bit(numbers: Array, bits: int, encoding: str = "LINEAR") -> Array:
-    """uint8 of digital numbers of ``bits`` bits; both ends of the range stay at the ends."""
+    """Convert digital numbers of ``bits`` bits to uint8; both ends of the range stay at the ends."""
     if bits == 8 and encoding == "LINEAR":
         return numbers.astype(np.uint8)
     level = numbers / (2.0**bits - 1)
@@ -374,10 +380,9 @@ def to_8_bit(numbers: Array, bits: int, encoding: str = "LINEAR") -> Array:
 
 
 def demosaic(numbers: Array, bits: int, pattern: str, method: str) -> Array:
-    """R, G and B, float64 (H, W, 3) from 0 to the top of ``bits`` bits, of digital numbers (H, W), uint16, of a
-    mosaic."""
+    """Demosaic digital numbers (H, W), uint16, to R, G and B, float64 (H, W, 3) from 0 to the top of ``bits`` bits."""
     if method == "EDGE_AWARE":
-        import cv2  # here, for Blender has no OpenCV and shows pairs with another method
+        import cv2  # imported here, because Blender has no OpenCV and shows pairs with another method
 
         code = getattr(cv2, f"COLOR_Bayer{_OPENCV[pattern]}2RGB_EA")
         finer = 2 ** (16 - bits)  # OpenCV rounds each of its means

@@ -16,7 +16,7 @@ RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 
 def find_scene_depth(view: Truth) -> Array:
-    """Planar depth in metres, float64 (H, W), NaN for sky and for the planet.
+    """Find the planar depth in metres, float64 (H, W), NaN for sky and for the planet.
 
     To a stereo camera the planet is sky: its disparity is too small to measure.
     """
@@ -39,7 +39,7 @@ def find_visible_in_right(
 def find_visible_in_left(
     left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
 ) -> Array:
-    """Pixels (H, W), bool, of the right eye whose point the left eye sees; see ``find_visible_in_right``."""
+    """Return the right eye's pixels (H, W), bool, whose point the left eye sees; see ``find_visible_in_right``."""
     return _find_visible(right_depth, left_depth, camera, "right", hidden)
 
 

@@ -1,4 +1,4 @@
-"""Reading the disparities that an evaluation stored. Needs only numpy, which Blender has."""
+"""Read the disparities that an evaluation stored. Needs only NumPy, which Blender has."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ _VALUE_BYTES, _HEADER_BYTES = 8, 2**14
 
 
 def read_disparity(path: Path, shape: tuple[int, ...]) -> Array | None:
-    """The float32 disparity that ``image_files.write_disparity`` stored; None if it is damaged or of another shape."""
+    """Read the float32 disparity that ``image_files.write_disparity`` stored; None if it is damaged or of another
+    shape.
+    """
     disparity = _read_array(path, _DISPARITY, _VALUE_BYTES * math.prod(shape) + _HEADER_BYTES)
     return disparity if disparity is not None and disparity.shape == shape else None
 
 
 def read_focal_baseline(path: Path) -> float | None:
-    """f·B in px·m, which turns the stored disparities into depths; None if the file states none."""
+    """Read f·B in px·m, which turns the stored disparities into depths; None if the file states none."""
     stored = _read_array(path, _FOCAL_BASELINE, _VALUE_BYTES + _HEADER_BYTES)
     if stored is None or stored.shape or stored.dtype.kind != "f":
         return None
@@ -35,7 +37,7 @@ def read_focal_baseline(path: Path) -> float | None:
 
 
 def encode_confidences(confidences: Mapping[str, Array]) -> dict[str, Array]:
-    """The arrays of a disparity file for confidences from 0 to 1, by measure: uint16, of which 65535 is 1."""
+    """Encode confidences from 0 to 1, by measure, as arrays of a disparity file: uint16, where 65535 is 1."""
     return {
         _name_confidence(measure): np.rint(65535.0 * confidence).astype(np.uint16)
         for measure, confidence in confidences.items()

@@ -1,11 +1,11 @@
-"""Reading the multilayer EXR files of a pair, from any version of Blender.
+"""Read the multilayer EXR files of a pair, from any version of Blender.
 
 Blender 4.x writes all passes into one part, as ``Truth.Depth.Z`` or, with the name of the view, as
 ``Truth.Depth.left.Z``. Blender 5.x writes one part per pass, with the same channel names and the view in the header of
 the part. So a channel is found by its layer (first word), pass (second word) and component (last word).
 
-Where the OpenEXR package is missing, and in Blender, where it crashes, the files are decoded in numpy, with the same
-values.
+The files are decoded in NumPy, with the same values, where the OpenEXR package is missing, and in Blender, where the
+package crashes.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Truth:
     normal: Array | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
     instance: Array | None  # (H, W) int32, see labels
     semantic: Array | None  # (H, W) int32, see labels.SEMANTIC
-    # (H, W) bool: hidden from the other eye by something nearer; None if no rays were traced.
+    # (H, W) bool: hidden from the other eye by a nearer surface; None if no rays were traced.
     hidden: Array | None = None
     loose_m: Array | None = None  # (H, W) float32: thickness of loose material, m; None without quality.loose_thickness
 
@@ -83,7 +83,8 @@ class View(Truth, Light):
 
 
 def read_view(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> View:
-    """Read ``left.exr`` or ``right.exr``, if it contains both. ``eye`` selects the view in a file with two.
+    """Read ``left.exr`` or ``right.exr`` if it contains both light and truth. ``eye`` selects the view in a file with
+    two views.
 
     ``without`` leaves out passes (``LAYER.PASS``), and ``rows`` limits the rows, both for speed. Raises IcyMoonError if
     the file is missing, damaged or lacks radiance or depth.
@@ -95,7 +96,7 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = (),
 
 
 def join_light_and_truth(light: Light, truth: Truth) -> View:
-    """Light and truth of one camera as one view."""
+    """Join light and truth of one camera to one view."""
     return View(**{each.name: getattr(of, each.name) for of in (light, truth) for each in fields(of)})
 
 
@@ -108,13 +109,13 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
-    """Read only the depth and the labels that distinguish the planet from the ground; the other arrays may be None."""
+    """Read only the depth and the labels that distinguish the planet from the ground; other arrays may be None."""
     passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC_PASSES)]
     return _make_truth(_read_channels(path, eye, passes), path)
 
 
 def read_distances(path: Path) -> Truth:
-    """Read the truth of a camera beside a pair, with the distance along its pixels' rays, m, in place of depth.
+    """Read the truth of a camera beside a pair, with distances along the rays of its pixels, m, instead of depths.
 
     Raises IcyMoonError if the file is missing, damaged or lacks distances.
     """
@@ -122,7 +123,7 @@ def read_distances(path: Path) -> Truth:
 
 
 def _make_truth(channels: _Channels, path: Path, name: str = "Depth") -> Truth:
-    with_light = (BEAUTY, name, "Z") in channels  # of a pair that has no other truth
+    with_light = (BEAUTY, name, "Z") in channels  # the truth is stored with the light
     with np.errstate(invalid="ignore"):  # NaN stays NaN
         depth = _find_channel(channels, BEAUTY if with_light else TRUTH, name, "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
@@ -146,7 +147,7 @@ def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: ra
 
 
 def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
-    """The error of baked light by its light group, float64 (H, W), see ``labels.BAKED_ERROR_AOVS``; empty if the file
+    """Read the error of baked light by its light group, float64 (H, W), see ``labels.BAKED_ERROR_AOVS``; {} if the file
     has none.
 
     Raises IcyMoonError if the file is missing or damaged.
@@ -179,7 +180,7 @@ def _find_radiance(channels: _Channels, pass_name: str, path: Path) -> Array:
 def _read_channels(
     path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = (), rows: range | None = None
 ) -> _Channels:
-    """The channels of an eye: all, or at least the ``passes`` (``LAYER.PASS``), or all except ``without``."""
+    """Read the channels of an eye: all, or at least the ``passes`` (``LAYER.PASS``), or all except ``without``."""
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; {_RENDER_AGAIN}.")
     channels: _Channels = {}
@@ -205,7 +206,7 @@ def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
 def _read_parts(
     path: Path, passes: Collection[str], without: Collection[str], rows: range | None
 ) -> list[tuple[str, dict[str, Array]]]:
-    """Read each part of a file: its view (empty without one) and its channels by name."""
+    """Read each part of a file: its view ("" without one) and its channels by name."""
     if rows is None:
         return _read_with_openexr(path, passes, without)
     data, before = _read_file(
@@ -251,14 +252,14 @@ def _read_with_openexr(
 
 
 def _to_single_precision(values: Array) -> Array:
-    """Values of a channel with 16-bit floats as float32, since arithmetic with 16 bits would round again."""
+    """Convert a channel of 16-bit floats to float32, because arithmetic with 16 bits would round again."""
     return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
 def _decode_with_numpy(
     path: Path, passes: Collection[str], without: Collection[str]
 ) -> list[tuple[str, dict[str, Array]]]:
-    """The parts of a file as from ``_read_with_openexr``, decoded in NumPy; enough for files of Blender."""
+    """Decode the parts of a file in NumPy, as ``_read_with_openexr`` does; this is enough for files from Blender."""
     return _read_file(path, lambda foreign: list(decode_parts(_drop_passes(foreign.content(), passes, without))))
 
 
@@ -273,7 +274,7 @@ def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[
         yield str(path)
         return
     data = _read_file(path, lambda foreign: _drop_passes(foreign.content(), passes, without))
-    # A file, since older versions of the OpenEXR package read no stream.
+    # This must be a file, because older versions of the OpenEXR package read no stream.
     with open_scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(data)
@@ -294,8 +295,8 @@ def _find_channel(channels: _Channels, layer: str, pass_name: str, component: st
 
 
 def _find_normals(channels: _Channels, path: Path) -> Array | None:
-    """Normals of facets. The user's own objects have shading normals instead, since their materials write no facet
-    normals.
+    """Find the normals of facets. The user's own objects have shading normals instead, because their materials write no
+    facet normals.
     """
     found = [
         [_find_channel(channels, TRUTH, name, axis, path) for axis in components]
@@ -313,7 +314,7 @@ def _find_normals(channels: _Channels, path: Path) -> Array | None:
 
 
 def _find_instances(channels: _Channels) -> Array | None:
-    """Labels of objects and of rocks; each rock has its own label and no object index."""
+    """Find the labels of objects and of rocks. Each rock has its own label and no object index."""
     objects, rocks = _find_labels(channels, ("Object Index", "IndexOB")), _find_labels(channels, (INSTANCE_AOV,))
     return objects if rocks is None or objects is None else np.where(rocks > 0, rocks, objects)
 
@@ -322,14 +323,14 @@ def _find_labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
     for name in passes:
         for layer in (TRUTH, BEAUTY):  # with the light, for a pair without separate truth
             if (layer, name, "X") in channels:
-                with np.errstate(invalid="ignore"):  # a label that no renderer gives becomes some number
+                with np.errstate(invalid="ignore"):  # a label that no renderer gives becomes an arbitrary number
                     return np.rint(np.nan_to_num(channels[layer, name, "X"])).astype(np.int32)
     return None
 
 
 @contextmanager
 def silence_openexr() -> Iterator[None]:
-    """Discard the output of OpenEXR about a damaged file: its Python part prints on standard output, where our results
+    """Discard the output of OpenEXR about a damaged file. Its Python part prints on standard output, where our results
     go, and its C++ part on standard error.
     """
     with suppress(OSError, ValueError, AttributeError):  # it is absent or closed

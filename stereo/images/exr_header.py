@@ -1,4 +1,4 @@
-"""Reads the header of a foreign EXR file, with its channels, before a library decodes it."""
+"""Read the header of a foreign EXR file, with its channels, before a library decodes it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Channel:
 
     @property
     def full_name(self) -> str:
-        """The channel's name after the part's name, unless the name has it already: parts may share names of
-        channels.
+        """The name of the channel. The part's name precedes it unless the channel's name begins with it, because parts
+        may share names of channels.
         """
         first = self.part_name.partition(".")[0]
         is_named = not first or self.name.startswith(f"{first}.")
@@ -43,8 +43,8 @@ class Channel:
 
 
 def parse_channels(foreign: ForeignBytes) -> list[Channel]:
-    """Parse all channels of a file's header. The pixels of all count against the budget, since a library decodes whole
-    parts.
+    """Parse all channels of a file's header. The pixels of all count against the budget, because a library decodes
+    whole parts.
 
     Raises ValueError or struct.error for a torn file, RefusedError and OverBudgetError for an unsupported one.
     """

@@ -1,4 +1,4 @@
-"""Removes passes from an EXR file before it is decoded, since decoding takes most of the time of reading.
+"""Remove passes from an EXR file before it is decoded, because decoding takes most of the time of reading.
 
 Blender 5 writes a part for each pass. In a file of Blender 4 the passes of a layer share a part, so only whole layers
 can be removed.
@@ -36,7 +36,9 @@ def remove_passes(data: bytes, passes: Collection[str]) -> bytes:
 
 
 def _get_pass_name(name: str) -> str:
-    """The name of the pass or layer in a part's name, which ends with "-VIEW" in some versions."""
+    """Return the name of the pass or layer from a part's name. Some versions of Blender append "-VIEW" to the part's
+    name.
+    """
     return name.split("-")[0]
 
 

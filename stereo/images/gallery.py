@@ -1,4 +1,4 @@
-"""Pictures of rendered pairs for screens, and sheets of many with captions."""
+"""Pictures of rendered pairs for screens, and sheets of pictures with captions."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _CAPTION_PX, _LINE_PX = 48, 16
 def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
     """Write the view of a pair's left eye as a JPEG for screens, in colour, at the camera's automatic exposure.
 
-    ``stops`` is the logarithm, to the base 2, of a factor on that exposure. Matchers get a linear image; this picture
-    has the gamma of screens, so it is brighter, and it has no noise.
+    ``stops`` is the base-2 logarithm of a factor on that exposure. Matchers get a linear image; this picture has the
+    gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
     radiance = read_radiance(pair)
@@ -36,18 +36,18 @@ def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
 
 
 def read_radiance(pair: Pair) -> Array:
-    """The light that falls into a pair's left eye: radiance (H, W, 3), red first."""
+    """Read the radiance (H, W, 3) at the left eye of a pair, red first."""
     return read_light(pair.image("left"), "left", groups=False).radiance
 
 
 def find_automatic_white(radiance: Array, pair: Pair) -> float:
-    """The radiance that is white at the automatic exposure of the pair's camera."""
+    """Find the radiance that is white at the automatic exposure of the pair's camera."""
     sensor = pair.settings.sensor
     return float(np.quantile(average_bands(radiance), sensor.auto_percentile)) / sensor.auto_target
 
 
 def to_screen_picture(radiance: Array, white: float) -> Array:
-    """Radiance (H, W, 3) as a picture for screens, uint8, blue first."""
+    """Convert radiance (H, W, 3) to a picture for screens, uint8, blue first."""
     shown = np.clip(radiance / max(white, 1e-30), 0.0, 1.0) ** SCREEN_GAMMA
     return np.rint(255 * shown[..., ::-1]).astype(np.uint8)
 
@@ -61,8 +61,8 @@ def write_sheet(
 ) -> None:
     """Write pictures side by side, each with a title and lines of text below, as one JPEG of at most ``most_bytes``.
 
-    A picture is a file, or uint8 grey (H, W) or BGR (H, W, 3); each is ``cell_px`` wide. Raises IcyMoonError if one
-    cannot be read.
+    A picture is a file, or uint8 grey (H, W) or BGR (H, W, 3); each is ``cell_px`` wide. Raises IcyMoonError if a
+    picture cannot be read.
     """
     images = [
         _scale_to_width(each if isinstance(each, np.ndarray) else read_picture(each), cell_px)

@@ -1,4 +1,4 @@
-"""Reading and developing the images of the cameras beside a pair, and their truth."""
+"""Read and develop the images of the cameras beside a pair, and read their truth."""
 
 from __future__ import annotations
 
@@ -45,21 +45,22 @@ class HeadView:
 
     @property
     def depth_m(self) -> Array:
-        """Metres along the optical axis, float64 (H, W); negative for points behind a camera with a wide field."""
-        return self.distance_m * _rays(self.camera)[1][..., 2]
+        """Depth along the optical axis, m, float64 (H, W); negative for points behind a camera with a wide field."""
+        return self.distance_m * _make_camera_rays(self.camera)[1][..., 2]
 
     @property
     def points_m(self) -> Array:
-        """The points at the pixels, in the world's axes: float64 (H, W, 3)."""
-        origins, directions = _rays(self.camera)
+        """Points at the pixels, m, in the world's axes, float64 (H, W, 3)."""
+        origins, directions = _make_camera_rays(self.camera)
         own = origins + directions * self.distance_m[..., None]
         return np.asarray(own @ self.camera.rotation.T + self.camera.position_m)
 
 
 @dataclass(frozen=True)
 class HeadImage:
-    """The developed image of a camera: digital numbers uint16 (H, W) of ``bits`` bits, grey; of a colour sensor also
-    ``colour`` (H, W, 3), R, G, B."""
+    """The developed image of a camera: grey digital numbers, uint16 (H, W), of ``bits`` bits. A colour sensor also
+    gives ``colour`` (H, W, 3), R, G, B.
+    """
 
     grey: Array
     bits: int
@@ -67,16 +68,16 @@ class HeadImage:
     colour: Array | None = None
 
     def for_files(self) -> Array:
-        """Grey, or B, G, R, in which order OpenCV writes colours."""
+        """Return the grey image, or the colours in the order B, G, R, in which OpenCV writes them."""
         return self.grey if self.colour is None else self.colour[..., ::-1]
 
 
-def _rays(camera: HeadCamera) -> tuple[Array, Array]:
+def _make_camera_rays(camera: HeadCamera) -> tuple[Array, Array]:
     return make_rays_of_pixels(camera.projection, make_pixel_grid(*camera.projection.size_px))
 
 
 def read_head_views(pair: Pair) -> Iterator[HeadView]:
-    """The cameras beside a pair, one after the other.
+    """Yield the views of the cameras beside a pair, one after the other.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
@@ -85,20 +86,20 @@ def read_head_views(pair: Pair) -> Iterator[HeadView]:
 
 
 def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
-    """The view of one camera beside the pair, see ``read_head_views``."""
+    """Read the view of one camera beside the pair, see ``read_head_views``."""
     image = pair.folder / image_file(camera.name)
     truth = image if is_plain(camera.projection) else pair.folder / truth_file(camera.name)
     light, seen = exr.read_light(image), exr.read_distances(truth)
     _check_size(image, light.radiance, camera.rendered.size_px)
     _check_size(truth, seen.depth, camera.projection.size_px)
     if image != truth:
-        places = show_points(camera.rendered, _rays(camera)[1])
+        places = show_points(camera.rendered, _make_camera_rays(camera)[1])
         light = Light(_resample(light.radiance, places), {k: _resample(v, places) for k, v in light.groups.items()})
     return HeadView(camera, light, find_scene_depth(seen), seen.normal, seen.instance, seen.semantic)
 
 
 def _resample(radiance: Array, places: Array) -> Array:
-    """Radiance (H, W, bands) at positions of a rendered image, by splines; 0 outside the field of view."""
+    """Resample radiance (H, W, bands) at positions of a rendered image, by splines; 0 outside the field of view."""
     bands = [np.maximum(np.nan_to_num(sample(band, places)), 0.0) for band in np.moveaxis(radiance, -1, 0)]
     return np.stack(bands, axis=-1).astype(np.float32)
 

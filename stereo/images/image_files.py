@@ -1,4 +1,4 @@
-"""Reads and writes PNG, JPEG, PFM and NumPy files; writes are atomic."""
+"""Read and write PNG, JPEG, PFM and NumPy files; writes are atomic."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def write_png(path: Path, image: Array) -> None:
 
 
 def encode_image(image: Array, suffix: str, quality: int = 85) -> bytes:
-    """The bytes of an image file of the format ``suffix``; ``quality`` is only for JPEG."""
+    """Encode an image in the format ``suffix``; return the bytes of the file. ``quality`` is only for JPEG."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
 
 def decode_in_this_process(image: EncodedImage) -> Array:
-    """The pixels of an image that Icy Moon wrote, decoded by OpenCV in this process.
+    """Decode an image that Icy Moon wrote, by OpenCV in this process; return its pixels.
 
     Foreign images are decoded by ``bounded_decoding.decode``. Raises ValueError if the image is damaged.
     """
@@ -54,10 +54,10 @@ def decode_in_this_process(image: EncodedImage) -> Array:
 
 
 def read_png(path: Path, decode: Decode | None = None) -> Array:
-    """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
+    """Read a PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
 
     ``decode`` must be ``bounded_decoding.decode`` for foreign files. Raises IcyMoonError if the file is missing, not a
-    PNG, damaged, or too large; OpenCV would fill a truncated image with black.
+    PNG, damaged (OpenCV would fill a truncated image with black), or too large.
     """
     most = None if decode else _MAX_OWN_PIXELS
     return read(
@@ -133,10 +133,10 @@ def _skip_spaces(head: bytes, at: int) -> int:
 
 
 def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
-    """Find the offset at which the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last
-    word, come one blank, or a line end with comments, and sometimes a line end after the body.
+    """Find the offset at which the last ``count`` bytes of a PFM begin, from the size of the file.
 
-    The size of the file decides. Raises RefusedError if two offsets are possible, ValueError if none is.
+    ``end`` is the end of the header's last word. After it comes one blank, or a line end with comments; sometimes a
+    line end follows the body. Raises RefusedError if two offsets are possible, ValueError if no offset is.
     """
     last = foreign.part(max(0, foreign.size - 2), min(2, foreign.size))
     windows = head[2:4] == b"\r\n"  # lines end with "\r\n" from the first line on

@@ -1,7 +1,7 @@
-"""Parses the headers of PNG, JPEG and WebP files, and extracts the bytes that a decoder needs.
+"""Parse the headers of PNG, JPEG and WebP files, and extract the bytes that a decoder needs.
 
-A decoder reserves memory for the size in the header, and unpacks everything that it finds. So the stated size is
-charged first, the file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
+A decoder reserves memory for the size in the header, and unpacks all data that it finds. So the stated size is charged
+first, and the file must have its end. Only the parts of PNG and WebP with pixels and colours are passed on.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from ...formats.tiff import read_directories
 from ...support.arrays import Array
 from ...support.foreign_bytes import Budget, Cursor, ForeignBytes, OverBudgetError, RefusedError
 
-#: As the pixels are stored.
+#: The orientation of an image that viewers show as its pixels are stored.
 UPRIGHT = 1
 #: The first bytes of EXIF data in JPEG, and in some WebP files; a TIFF file follows.
 _MARK = b"Exif\0\0"
 _ORIENTATION, _MAX_BYTES, _MAX_ORIENTATION = 274, 2**16, 8
 
-#: Most pixels of a foreign image, eight times the largest images of Middlebury, and most bytes of them: 32 bits each,
-#: and the header of an array.
+#: Most pixels of a foreign image, eight times the largest images of Middlebury, and most bytes of their array: 32 bits
+#: each, and the header.
 MAX_PIXELS = 2**26
 MAX_IMAGE_BYTES = 4 * MAX_PIXELS + 2**12
 #: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least size of a file.
@@ -39,7 +39,7 @@ _MAX_PNG_PARTS = 200_000
 _PNG_GREY_TYPE = 0  # the only colour type for which OpenCV gives one band
 _WEBP_PIXEL_PARTS = (b"VP8X", b"ALPH", b"VP8 ", b"VP8L")
 _WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
-#: Most segments, scans and fill bytes of a JPEG, since each takes time. A JPEG has about ten segments, and a
+#: Most segments, scans and fill bytes of a JPEG, because each takes time. A JPEG has about ten segments, and a
 #: progressive one ten scans.
 _MAX_SEGMENTS, _MAX_SCANS, _MAX_FILL = 10_000, 100, 64
 #: Bytes of a scan that are searched at once.
@@ -59,12 +59,12 @@ class EncodedImage:
     content: bytes
     width: int
     height: int
-    most_bytes: int  # of all pixels
-    orientation: int = UPRIGHT  # by which viewers turn the image, see exif
+    most_bytes: int  # most bytes of all pixels
+    orientation: int = UPRIGHT  # the EXIF orientation, by which viewers turn the image
 
 
 def is_webp(start: bytes) -> bool:
-    """Whether these are the first bytes of a WebP file."""
+    """Return whether ``start`` are the first bytes of a WebP file."""
     return start[:4] == b"RIFF" and start[8:12] == b"WEBP"
 
 
@@ -81,7 +81,7 @@ def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
 
 
 def parse_image(foreign: ForeignBytes) -> EncodedImage:
-    """A PNG, JPEG or WebP image. Raises RefusedError for another file, and the errors of the parsers below."""
+    """Parse a PNG, JPEG or WebP image. Raises RefusedError for another file, and the errors of the parsers below."""
     start = foreign.part(0, min(12, foreign.size))
     if start.startswith(PNG_START):
         return parse_png(foreign)
@@ -127,7 +127,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
 
 
 def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
-    """Cut a JPEG image at its end mark, since phones and drones write more data after it.
+    """Cut a JPEG image at its end mark, because phones and drones write more data after it.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
@@ -168,7 +168,7 @@ def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
 
 
 def _read_frame_header(body: bytes, foreign: ForeignBytes) -> tuple[int, int, int]:
-    """Width, height and most bytes of the pixels, from the content of a frame header."""
+    """Read the width, the height and the most bytes of the pixels from the content of a frame header."""
     depth, height, width, bands = struct.unpack_from(">BHHB", body)
     pixels = check_size(width, height)
     return width, height, _charge_pixels(foreign, pixels * (1 if bands == 1 else 4) * (1 if depth == 8 else 2))
@@ -185,9 +185,9 @@ def _find_next_marker(cursor: Cursor) -> int:
 
 
 def _find_end_of_scan(values: Array, at: int) -> int:
-    """Position of the first marker after ``at`` that is neither a stuffed byte nor a restart.
+    """Find the position of the first marker after ``at`` that is neither a stuffed byte nor a restart.
 
-    Raises ValueError if no marker follows: the file was cut off.
+    Raises ValueError if no marker follows, because the file was cut off.
     """
     for begin in range(at, len(values) - 1, _SEARCHED_BYTES):
         block = values[begin : begin + _SEARCHED_BYTES + 1]
@@ -238,7 +238,9 @@ def parse_webp(foreign: ForeignBytes) -> EncodedImage:
 
 
 def _read_bounded_content(foreign: ForeignBytes) -> bytes:
-    """The content of a file whose size in pixels is known only after it is read."""
+    """Read the content of a file whose size in pixels is known only after it is read. Raises RefusedError if it is too
+    large.
+    """
     if foreign.size > _MAX_PACKED_BYTES:
         raise RefusedError(
             f"has {foreign.size / 1e6:.0f} MB, and {_MAX_PACKED_BYTES / 1e6:.0f} MB are the most that can be read "
@@ -248,14 +250,16 @@ def _read_bounded_content(foreign: ForeignBytes) -> bytes:
 
 
 def _charge_pixels(foreign: ForeignBytes, count: int) -> int:
-    """The bytes of all pixels, which are charged. Raises RefusedError if the file is far larger than they are."""
+    """Charge the bytes of all pixels, and return them. Raises RefusedError if the file is far larger than its
+    pixels.
+    """
     if foreign.size > count + _MAX_EXTRA_BYTES:
         raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")
     return foreign.budget.charge(count, "pixels")
 
 
 def parse_orientation(body: bytes) -> int:
-    """The orientation, 1 to 8, that EXIF data state; 1 if they state none or cannot be read, as viewers take it."""
+    """Parse the orientation, 1 to 8, from EXIF data. Return 1 if they state none or cannot be read, as viewers do."""
     data = body.removeprefix(_MARK)[:_MAX_BYTES]
     try:
         stated = read_directories(ForeignBytes(data, len(data), Budget()))[0].number(_ORIENTATION, UPRIGHT)

@@ -1,7 +1,8 @@
 """Statistics of images that can be compared without a photograph: slope of the power spectrum, black and white parts.
 
-Natural images have a power of about f^-2 in the mean over many (Field 1987, Journal of the Optical Society of America A
-4, 2379), single ones between f^-1 and f^-3. For ice, snow and the ground of moons no such number is published.
+The power of natural images falls as about f^-2 in the mean over many images (Field 1987, Journal of the Optical Society
+of America A 4, 2379), and as f^-1 to f^-3 in single ones. For ice, snow and the ground of moons no such number is
+published.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: The rings of the spectrum: from these cycles per image to these cycles per pixel, and their number.
+#: The rings of the spectrum: least cycles per image, most cycles per pixel, and number of rings.
 _FEWEST_CYCLES, _MAX_CYCLES, _RING_COUNT = 4.0, 0.35, 13
 #: Least side of a square whose spectrum is meaningful, px: its rings span a factor of 2.8 or more.
 MIN_SIDE_PX = 32
@@ -19,12 +20,13 @@ DARK_LEVEL = 0.02
 
 
 def find_largest_square(mask: Array) -> tuple[slice, slice]:
-    """Rows and columns of the largest square in which a mask (H, W) is true everywhere; empty slices for an empty
-    mask."""
+    """Find the rows and columns of the largest square in which a mask (H, W) is true everywhere; empty slices for an
+    empty mask.
+    """
     sums = np.pad(mask.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
     def find_full_squares(side: int) -> Array:
-        """The upper left corners of squares of this side in which the mask is true everywhere."""
+        """Find the upper left corners of squares of this side in which the mask is true everywhere."""
         inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
         return np.asarray(inside == side**2)
 
@@ -39,7 +41,8 @@ def find_largest_square(mask: Array) -> tuple[slice, slice]:
 
 
 def measure_spectral_slope(light: Array) -> float:
-    """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN below 32 pixels or without contrast.
+    """Measure the exponent α of the power spectrum f^-α of linear light (n, n); NaN below 32 pixels or without
+    contrast.
 
     A line is fitted to the logarithm of the mean power in the rings of ``measure_spectrum``.
     """
@@ -48,10 +51,10 @@ def measure_spectral_slope(light: Array) -> float:
 
 
 def measure_spectrum(light: Array) -> tuple[Array, Array]:
-    """The rings of the spectrum of linear light (n, n): mean cycles per image (rings,), and mean power (rings,).
+    """Measure the spectrum of linear light (n, n) in rings: mean cycles per image (rings,), and mean power (rings,).
 
-    The rings go from 4 cycles per image to 0.35 cycles per pixel; an image of less than 32 pixels, or without
-    contrast, has none. The mean is taken off, and a Hann window fades the borders.
+    The rings go from 4 cycles per image to 0.35 cycles per pixel; an image of less than 32 pixels, or without contrast,
+    has none. The mean is subtracted, and a Hann window fades the borders.
     """
     n = light.shape[0]
     if light.shape != (n, n):
@@ -71,7 +74,8 @@ def measure_spectrum(light: Array) -> tuple[Array, Array]:
 
 
 def measure_shares(level: Array, ground: Array) -> tuple[float, float]:
-    """Of the pixels that show ``ground`` (H, W), the shares that are saturated and darker than 2 % of the full scale.
+    """Measure the shares of the pixels with ``ground`` (H, W) that are saturated, and that are darker than 2 % of the
+    full scale.
 
     ``level`` (H, W) is the image from 0 to 1, the full scale. NaN without ground.
     """

@@ -23,22 +23,22 @@ def to_8_bit(image: Array) -> Array:
 
 
 def to_grey(image: Array) -> Array:
-    """uint8 (H, W): the mean of the three bands of an image, as matchers without colour get it."""
+    """Convert an image to grey, uint8 (H, W): the mean of its three bands, as matchers without colour get it."""
     if image.ndim == 3:
         image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
     return to_8_bit(image)
 
 
 def find_white(image: Array) -> float:
-    """The white level of an image (H, W) with an unknown exposure; NaN pixels do not count."""
+    """Find the white level of an image (H, W) with an unknown exposure; NaN pixels do not count."""
     return max(float(np.quantile(image[np.isfinite(image)], _WHITE_QUANTILE)), 1e-12)
 
 
 def stretch_to_8_bit(image: Array, white: float) -> Array:
-    """uint8 (H, W) of an image (H, W) whose brightness ``white`` is at the top; 0 for NaN."""
+    """Scale an image (H, W) to uint8 (H, W) so that ``white`` and more become 255; NaN becomes 0."""
     return np.asarray(np.clip(np.nan_to_num(image) / white, 0.0, 1.0) * 255, np.uint8)
 
 
 def describe_size(image: Array) -> str:
-    """Width and height, in words."""
+    """Describe the width and height of an image in words."""
     return f"{image.shape[1]} x {image.shape[0]} px"

@@ -1,9 +1,9 @@
-"""Lens distortion and toe-in, and the rectification that undoes both.
+"""Lens distortion and toe-in, and the rectification that removes both.
 
 There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is, or from a panorama
-for calibrated eyes whose field no pinhole shows. The image of the sensor is distorted by the lens; the image of a
-calibrated eye has its own size, and looks where the eye does. The rectified image belongs to the parallel rig, as the
-truth does; matchers get it, made from the numbers of the sensor. With an erroneous calibration, the rectified image
+for calibrated eyes whose field no pinhole shows. The image of the sensor is distorted by the lens; a calibrated eye's
+image has its own size, and looks where the eye does. The rectified image belongs to the parallel rig, as the truth
+does; it is made from the numbers of the sensor, and matchers get it. With an erroneous calibration, the rectified image
 fits that rig only approximately.
 """
 
@@ -26,8 +26,9 @@ from .spline import sample
 
 @dataclass(frozen=True)
 class Lens:
-    """Positions of the pixels of one image in another: maps (H, W, 2), float32, of column and row; NaN outside the
-    other image."""
+    """Maps from the pixels of one image to positions in another: (H, W, 2), float32, column and row, NaN outside the
+    other image.
+    """
 
     sensor_in_rendered: Array
     rectified_in_sensor: Array
@@ -36,7 +37,7 @@ class Lens:
     is_calibrated: bool = False
 
     def distort(self, radiance: Array) -> Array:
-        """Radiance (H, W, bands) on the sensor, from rendered radiance; 0 beyond the edges of the render."""
+        """Distort rendered radiance to radiance (H, W, bands) on the sensor; 0 beyond the edges of the render."""
         seen = (
             sample(radiance, self.sensor_in_rendered).astype(np.float32)
             if self.is_calibrated
@@ -45,11 +46,12 @@ class Lens:
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify_radiance(self, radiance: Array) -> Array:
-        """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where unknown."""
+        """Resample rendered radiance, of any number of bands, at the pixels of the rectified image; 0 where unknown."""
         return np.nan_to_num(_remap(radiance, self.rectified_in_rendered))
 
     def depth_of_sensor(self, depth: Array) -> Array:
-        """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and for NaN.
+        """Return the planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside the render and
+        for NaN.
 
         Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces the nearest
         rendered pixel counts, never a mean.
@@ -73,7 +75,7 @@ class Lens:
 
     @property
     def sees(self) -> Array:
-        """Pixels (H, W), bool, of the rectified image inside the sensor's field of view."""
+        """Pixels (H, W), bool, of the rectified image that are inside the sensor's field of view."""
         height, width = self.sensor_in_rendered.shape[:2]
         return _find_inside(self.rectified_in_sensor, (width, height), 0.0) & _find_inside(
             self.rectified_in_rendered, self.rendered_px, 0.0
@@ -81,8 +83,8 @@ class Lens:
 
 
 def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
-    """The lens of an eye with the distortion in the ``rig`` settings; None if all three images are the same, except for
-    margins. A calibrated eye of the ``camera`` has its own lens.
+    """Make the lens of an eye with the distortion in the ``rig`` settings. None if all three images are the same,
+    except for margins. A calibrated eye of the ``camera`` has its own lens.
 
     Raises IcyMoonError if the coefficients fold the image.
     """
@@ -96,8 +98,8 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
 def make_rectification(
     camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
 ) -> Array | None:
-    """The assumed positions of the pixels of an eye's rectified image in the sensor's image (see ``Lens``), by a
-    calibration with these ``errors``; None if both images are assumed equal.
+    """Make the map from an eye's rectified image to the sensor's image (see ``Lens``) that a calibration with these
+    ``errors`` assumes. None if both images are assumed equal.
 
     Raises IcyMoonError if the coefficients fold the image, or if the errors leave nothing of it.
     """
@@ -108,7 +110,7 @@ def make_rectification(
 
 
 def rectify(numbers: Array, rectified_in_sensor: Array) -> Array:
-    """The rectified image, from the sensor's numbers (H, W), with their type; 0 outside the sensor."""
+    """Rectify the sensor's numbers (H, W), and keep their type; 0 outside the sensor."""
     seen = _remap(numbers.astype(np.float32), rectified_in_sensor)
     return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
@@ -135,7 +137,7 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 @lru_cache(maxsize=2)
 def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     """Make the lens of a calibrated eye that was rendered by the parallel rig, or as a panorama."""
-    rays = _rectified_rays(camera)
+    rays = _make_rectified_rays(camera)
     return Lens(
         project_to_light(find_rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
@@ -145,21 +147,22 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     )
 
 
-def _rectified_rays(camera: StereoCamera) -> Array:
-    """Directions (H, W, 3) of the pixels of the rectified image, 1 long ahead."""
+def _make_rectified_rays(camera: StereoCamera) -> Array:
+    """Return the directions (H, W, 3) of the pixels of the rectified image, with length 1 along the optical axis."""
     pixels = make_pixel_grid(camera.width_px, camera.height_px)
     points = (pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px
     return np.concatenate([points, np.ones_like(pixels[..., :1])], axis=-1)
 
 
 def make_pixel_grid(width: int, height: int) -> Array:
-    """Columns and rows (H, W, 2) of the centres of pixels, from the centre of the first pixel."""
+    """Make the columns and rows (H, W, 2) of the centres of pixels, counted from the centre of the first pixel."""
     return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
 
 
 def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:
-    """Normalised points (H, W, 2) of the parallel rig in the pinhole image of the toed-in eye; NaN for points behind
-    it and beyond the fold of its lens."""
+    """Turn normalised points (H, W, 2) of the parallel rig to the pinhole image of the toed-in eye; NaN for points
+    behind the eye and beyond the fold of its lens.
+    """
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
     ahead = rays[..., 2:] > 1e-6
     seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
@@ -167,20 +170,22 @@ def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> A
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
 
 
-#: Two neighbours are on one surface if their inverse depths differ by at most the first number times the smaller of the
-#: steps beside them, plus the second number times the smaller inverse depth.
+#: Two neighbours are on one surface if their inverse depths differ by at most _SLOPE_FACTOR times the smaller of the
+#: steps beside them, plus _ROUGHNESS_SHARE times the smaller inverse depth.
 _SLOPE_FACTOR, _ROUGHNESS_SHARE = 2.0, 0.01
 
 
 def _find_unbroken_cells(inverse: Array) -> Array:
-    """Cells (H - 1, W - 1), bool, whose four pixels are on one surface, by inverse depths (H, W), NaN where unknown."""
+    """Find cells (H - 1, W - 1), bool, whose four pixels are on one surface, by inverse depths (H, W), NaN where
+    unknown.
+    """
     across, down = _find_continued_steps(inverse), _find_continued_steps(inverse.T).T
     return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
 
 
 def _find_continued_steps(inverse: Array) -> Array:
-    """Steps (H, W - 1), bool, to the next pixel of a row that are like the smaller of the steps before and after, as on
-    a plane; false for NaN.
+    """Find the steps (H, W - 1), bool, to the next pixel of a row that are similar to the smaller of the steps before
+    and after, as on a plane; false for NaN.
     """
     step = np.abs(np.diff(inverse, axis=1))
     padded = np.pad(np.nan_to_num(step, nan=np.inf), ((0, 0), (1, 1)), constant_values=np.inf)
@@ -189,15 +194,16 @@ def _find_continued_steps(inverse: Array) -> Array:
 
 
 def _find_inside(where: Array, size: tuple[int, int], reach: float) -> Array:
-    """Which positions ``where`` (..., 2) are inside an image of ``size`` (columns, rows), or at most ``reach`` px
+    """Find which positions ``where`` (..., 2) are inside an image of ``size`` (columns, rows), or at most ``reach`` px
     beyond its outermost pixel centres; bool (...).
     """
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
 def _remap(image: Array, where: Array, cubic: bool = False) -> Array:
-    """``image`` (H, W) or (H, W, bands) at the positions of a map, interpolated linearly or with cubics; NaN beyond its
-    outermost pixel centres."""
+    """Sample ``image`` (H, W) or (H, W, bands) at positions ``where`` (h, w, 2), column and row, linearly or with
+    cubics; NaN beyond its outermost pixel centres.
+    """
     import cv2  # imported here, because Blender has no OpenCV and develops only pairs without distortion and toe-in
 
     height, width = image.shape[:2]

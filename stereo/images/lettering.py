@@ -1,4 +1,4 @@
-"""Short texts in pictures, drawn with strokes in numpy, since Blender has no OpenCV."""
+"""Short texts in pictures, drawn with strokes in NumPy, because Blender has no OpenCV."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ...support.arrays import Array
 
-# Rows of the grid of a letter: below the letters, height of capitals, all of it.
+# Rows of the grid of a letter: below the letters, in the height of capitals, and in total.
 _ROWS_BELOW, _CAPITAL_ROWS, _GRID_ROWS = 2, 6, 9
 _GAP_COLUMNS = 2  # columns between letters, and half a space
 #: Strokes of each character, as points with a digit for the column and a digit for the row, counted from below.
@@ -70,7 +70,7 @@ _STROKES = {
 
 @lru_cache(maxsize=64)
 def draw_text(text: str, height_px: float) -> Array:
-    """A strip with a text: the share of each pixel that strokes cover, float32 (rows, columns).
+    """Draw a text in a strip: the share of each pixel that strokes cover, float32 (rows, columns).
 
     ``height_px`` is the height of capitals; the strip is half as high again. A character without strokes is a space.
     """
@@ -93,7 +93,7 @@ def draw_text(text: str, height_px: float) -> Array:
 
 
 def _draw_stroke(covered: Array, start: tuple[float, float], end: tuple[float, float], radius: float) -> None:
-    """Draw a round-ended line of a radius, with soft edges one pixel wide."""
+    """Draw a round-ended line with this ``radius`` and soft edges one pixel wide."""
     (x0, y0), (x1, y1), reach = start, end, radius + 1
     left, right = max(0, int(min(x0, x1) - reach)), int(max(x0, x1) + reach) + 1
     top, bottom = max(0, int(min(y0, y1) - reach)), int(max(y0, y1) + reach) + 1
@@ -117,5 +117,5 @@ def put_text(picture: Array, text: str, left: int, baseline: int, height_px: flo
 
 
 def measure_text_width_px(text: str, height_px: float) -> int:
-    """Columns that a text takes."""
+    """Measure the columns that a text takes."""
     return int(draw_text(text, height_px).shape[1])

@@ -19,10 +19,10 @@ def _to_fixed_point(corners: Array) -> Array:
 
 
 def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int = 1) -> Array:
-    """Mask (H, W) of the union of polygons (n, 2) in pixels.
+    """Make the mask (H, W) of the union of polygons (n, 2) in pixels.
 
     OpenCV fills every pixel that an edge touches. With ``finer``, an odd number, it fills a grid that is finer by this
-    factor, and the mask takes its values in the middles of our pixels: they are inside, to 1 / ``finer`` of a pixel.
+    factor, and the mask takes its values at the centres of our pixels: they are inside, to 1 / ``finer`` of a pixel.
     """
     mask = np.zeros((shape[0] * finer, shape[1] * finer), np.uint8)
     for each in outlines:
@@ -31,7 +31,7 @@ def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int 
 
 
 def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:
-    """Mask (H, W) of the union of the convex hulls of points (n, 2) in pixels."""
+    """Make the mask (H, W) of the union of the convex hulls of points (n, 2) in pixels."""
     mask = np.zeros(shape, np.uint8)
     for each in parts:
         cv2.fillConvexPoly(mask, cv2.convexHull(_to_fixed_point(each)), (1,), shift=_FRACTION_BITS)
@@ -39,30 +39,34 @@ def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:
 
 
 def dilate(mask: Array, reach: int) -> Array:
-    """The mask (H, W) with all pixels within ``reach`` pixels of it."""
+    """Extend a mask (H, W) by all pixels within ``reach`` pixels of it."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), disc)).astype(bool)
 
 
 def erode(mask: Array, reach: int) -> Array:
-    """The mask (H, W) without pixels that have an unset pixel within ``reach`` rows and columns."""
+    """Remove from a mask (H, W) the pixels that have an unset pixel within ``reach`` rows and columns."""
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     return np.asarray(cv2.erode(mask.astype(np.uint8), square)).astype(bool)
 
 
 def sample_at_pixels(image: Array, pixels: Array) -> Array:
-    """Values (h, w) float32 of an image (H, W) at ``pixels`` (h, w, 2), x and y, linear between pixels; 0 outside."""
+    """Sample an image (H, W) at ``pixels`` (h, w, 2), x and y, linearly between pixels; return float32 (h, w), 0
+    outside.
+    """
     at = (pixels - 0.5).astype(np.float32)
     return np.asarray(cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR))
 
 
 def compute_intersection_over_union(one: Array, other: Array) -> float:
-    """Intersection over union of two masks; NaN if both are empty."""
+    """Compute the intersection over union of two masks; NaN if both are empty."""
     union = np.count_nonzero(one | other)
     return np.count_nonzero(one & other) / union if union else float("nan")
 
 
 def measure_distance_inside_hull_px(point: Array, around: Array) -> float:
-    """Distance in pixels of a point (2,) inside the convex hull of points (n, 2) from its border; negative outside."""
+    """Measure the distance in pixels from a point (2,) inside the convex hull of points (n, 2) to its border; negative
+    outside.
+    """
     hull = cv2.convexHull(np.asarray(around, np.float32))
     return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

@@ -1,4 +1,4 @@
-"""Reading the images and the truth of a pair, as the cameras took them and on the parallel rig."""
+"""Read the images and the truth of a pair, as the cameras took them and on the parallel rig."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ _Images = TypeVar("_Images", Light, Truth, View)
 
 
 def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light, View]:
-    """Read the light that falls into an eye, with margins and toe-in, and light and truth on the parallel rig.
+    """Read the light at an eye, with margins and toe-in, and light and truth on the parallel rig.
 
     Passes that are not needed may be left out, see ``exr.read_view``.
+
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
     image, truth = pair.image(eye), pair.truth(eye)
@@ -41,8 +42,8 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
 
 
 def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
-    """A random error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
-    parallel rig, in W/(m² sr) of the mean of the bands. Empty if no error is stored.
+    """Read a random error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
+    parallel rig, in W/(m² sr), the mean of the bands. {} if no error is stored.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
@@ -92,7 +93,7 @@ def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
 
 
 def _crop_margins(images: _Images, pair: Pair) -> _Images:
-    """``images`` with all of its arrays cropped to the image without margins."""
+    """Crop all arrays of ``images`` to the image without margins."""
 
     def crop(value: Any) -> Any:
         if isinstance(value, dict):

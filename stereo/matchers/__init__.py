@@ -1,18 +1,21 @@
 """Stereo matchers, all with the same signature, each imported on its first use.
 
-A matcher is a plug-in, ours or of a package that the user installed; ``plugins/entry_points.txt`` declares ours. It has
-``match``, see ``plug_in``, or the longer interface of the modules here: ``OPTIONS``, ``PRESETS`` (named sets of
-options) and ``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete
-dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a
-module with ``COLOUR``. A module may have four more functions: ``check(options)`` raises IcyMoonError if a file or
-program that the options name does not exist, ``load(options)`` does work that is not part of matching a pair,
-``files(options)`` returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the
-options with numbers for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any
-measurement is a result; otherwise it is an error.
+A matcher is a plug-in, ours or from a package that the user installed; ``plugins/entry_points.txt`` declares ours. It
+has ``match``, see ``plug_in``, or the longer interface of the modules here: ``OPTIONS``, ``PRESETS`` (named sets of
+options) and ``compute(left, right, options, camera)``. ``compute`` takes two uint8 images of one size, a complete dict
+of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a
+module with ``COLOUR``.
 
-Lists show literals of its module, see ``plugins.installed.read_fact``: ``TITLE`` in place of its name, ``NEEDS`` beside
-the evaluator, ``ONE_PROCESSOR`` if it uses one and little memory, and ``SET_UP`` of one that the user sets up in the
-preferences: its place in that list, the option that is asked for, a label and a description.
+A module may have four more functions. ``check(options)`` raises IcyMoonError if a file or program that the options name
+does not exist. ``load(options)`` does work that is not part of matching a pair. ``files(options)`` returns words within
+options that may be files. ``settle(options, ranges, shape)`` returns the options with numbers for those that follow
+from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any measurement is a result; otherwise it is an
+error.
+
+Lists show literals of the module, see ``plugins.installed.read_fact``. ``TITLE`` replaces its name, and ``NEEDS``
+states its requirements beside the evaluator. ``ONE_PROCESSOR`` is true if it uses one processor and little memory. A
+matcher that the user sets up in the preferences has ``SET_UP``: its place in their list, the option that is asked for,
+a label and a description.
 """
 
 from __future__ import annotations
@@ -45,39 +48,41 @@ def find_plugins() -> Found:
 
 
 def list_matcher_names() -> tuple[str, ...]:
-    """All matchers of this Python: Icy Moon's, then the installed packages'."""
+    """List all matchers of this Python: Icy Moon's, then the installed packages'."""
     return tuple(find_plugins().usable)
 
 
 def get_matcher_title(method: str) -> str:
     """Return a matcher's title for tables, charts, sentences and the window."""
-    return _literal_text(method, "TITLE") or method
+    return _read_literal_text(method, "TITLE") or method
 
 
 def get_matcher_needs(method: str) -> str:
-    """The requirements of a matcher beside the evaluator, in words; empty without any."""
-    return _literal_text(method, "NEEDS")
+    """Return the requirements of a matcher beside the evaluator, in words; "" if it has none."""
+    return _read_literal_text(method, "NEEDS")
 
 
 def list_matcher_titles() -> dict[str, str]:
-    """The titles, by name, of Icy Moon's matchers that need no setup by the user."""
+    """List the titles, by name, of Icy Moon's matchers that need no setup by the user."""
     found = find_plugins().usable.items()
-    return {name: title for name, plugin in found if plugin.built_in and (title := _literal_text(name, "TITLE"))}
+    return {name: title for name, plugin in found if plugin.built_in and (title := _read_literal_text(name, "TITLE"))}
 
 
 def list_set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
-    """The matchers that need a setup by the user, with their ``SET_UP``, in the order of its numbers."""
+    """List the matchers that need a setup by the user, with their ``SET_UP``, in the order of its numbers."""
     found = {name: read_fact(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
     return sorted(((name, stated) for name, stated in found.items() if stated), key=lambda entry: entry[1])
 
 
 def uses_one_processor(method: str) -> bool:
-    """Whether a matcher uses one processor and little memory. Others may fill a GPU, or all processors."""
+    """Return whether a matcher uses one processor and little memory. Other matchers may fill a GPU, or all
+    processors.
+    """
     plugin = find_plugins().usable.get(method)
     return plugin is not None and read_fact(plugin, "ONE_PROCESSOR") is True
 
 
-def _literal_text(method: str, fact: str) -> str:
+def _read_literal_text(method: str, fact: str) -> str:
     plugin = find_plugins().usable.get(method)
     stated = read_fact(plugin, fact) if plugin else ""
     return show_controls(stated) if isinstance(stated, str) else ""
@@ -91,8 +96,8 @@ def match(
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
 ) -> tuple[Array, Array, dict[str, Any]]:
-    """Match with some options of the matcher, whose values may be text; the rest is as in ``match_checked``. Raises
-    IcyMoonError also for an unknown matcher or option.
+    """Match with some options of the matcher, whose values may be text; the others get their defaults. For the rest see
+    ``match_checked``. Raises IcyMoonError also for an unknown matcher or option.
     """
     return match_checked(method, left, right, check_options(method, options or {}), camera, ranges)
 
@@ -105,19 +110,19 @@ def match_checked(
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
 ) -> tuple[Array, Array, dict[str, Any]]:
-    """Compute the disparity of the left image with the matcher ``method``; ``options`` are all, as ``check_options``
-    returns them.
+    """Compute the disparity of the left image with the matcher ``method``; ``options`` are complete, as
+    ``check_options`` returns them.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
-    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or the grey that their
-    option ``grey`` names). A program of the user's may ask for the ``camera``.
-    ``ranges`` are the search ranges that options may name, see ``search_range.find_known_ranges``. Returns
+    (H, W, 3 or 4; BGR as OpenCV reads it). Matchers without colour get the mean of the bands, or the grey that their
+    option ``grey`` names. A program of the user's may ask for the ``camera``. ``ranges`` are the search ranges that
+    options may name, see ``search_range.find_known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, the costs from ``match_timed``, ``arrays``, ``counts`` and ``facts``,
-      see ``Result``, ``search``, the range that was searched, or None if the matcher has no range, and ``confidence``,
-      float32 (H, W) from 0 to 1, 0 where invalid, or None if the matcher states none.
+    * info: ``method``, the complete ``options``, the costs from ``match_timed``, and ``arrays``, ``counts`` and
+      ``facts``, see ``Result``; ``search``, the range that was searched, or None if the matcher has no range; and
+      ``confidence``, float32 (H, W) from 0 to 1, 0 where invalid, or None if the matcher states none.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for images that cannot be used or are
     too small for the options, if a matcher that measures everywhere gave no number at all, and for a confidence that
@@ -162,7 +167,7 @@ def match_checked(
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The complete options that ``match`` would use.
+    """Return the complete options that ``match`` would use.
 
     Raises IcyMoonError where ``match`` would, also for a checkpoint or program that does not exist.
     """
@@ -173,14 +178,15 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The complete options, as from ``check_options``, without a check that files and programs exist."""
+    """Return the complete options as ``check_options`` does, without a check that files and programs exist."""
     module = load_matcher(method)
     return resolve_options(method, module.OPTIONS, module.PRESETS, options)
 
 
 def list_option_keys(method: str) -> list[str]:
-    """The options of a matcher, with ``preset`` and the names that OpenCV's manual has for them. Raises IcyMoonError
-    for an unknown matcher."""
+    """List the options of a matcher, with ``preset`` and the names of the options in OpenCV's manual. Raises
+    IcyMoonError for an unknown matcher.
+    """
     return [
         "preset",
         *(name for option in load_matcher(method).OPTIONS for name in (option.key, option.opencv) if name),
@@ -188,13 +194,15 @@ def list_option_keys(method: str) -> list[str]:
 
 
 def list_option_files(method: str, options: Mapping[str, Any]) -> list[str]:
-    """Words of complete options that may name files on which the result depends: the arguments of a command."""
+    """List words of complete options that may name files on which the result depends, such as the arguments of a
+    command.
+    """
     named = getattr(load_matcher(method), "files", None)
     return list(named(options)) if named else []
 
 
 def describe_matcher(method: str) -> str:
-    """The description of a matcher and its options, as lines of text. Raises IcyMoonError for an unknown matcher."""
+    """Describe a matcher and its options in lines of text. Raises IcyMoonError for an unknown matcher."""
     module = load_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
@@ -206,13 +214,13 @@ def describe_matcher(method: str) -> str:
 
 
 def describe_plugin_release(method: str) -> str:
-    """Package and version of a matcher's plug-in; empty for a built-in matcher."""
+    """Return the package and version of a matcher's plug-in; "" for a built-in matcher."""
     plugin = find_plugins().added.get(method)
     return plugin.release if plugin else ""
 
 
 def load_matcher(method: str) -> Any:
-    """The matcher, with the interface of a module of this package. Raises IcyMoonError for an unknown one."""
+    """Load a matcher, with the interface of a module of this package. Raises IcyMoonError for an unknown matcher."""
     found = find_plugins()
     if method in found.usable:
         return _load_plugin(found.usable[method])
@@ -240,7 +248,9 @@ def _check_image(image: Array, name: str) -> Array:
 
 
 def _to_luminance(image: Array) -> Array:
-    """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
+    """Convert an image to grey, uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, rounded as OpenCV does, after the
+    scaling to 8 bits.
+    """
     import cv2  # imported here, because the window lists the matchers, and Blender has no OpenCV
 
     image = to_8_bit(image)
@@ -252,5 +262,5 @@ GREY_CONVERSIONS = {"mean": to_grey, "luminance": _to_luminance}
 
 
 def _to_rgb(image: Array) -> Array:
-    """uint8 (H, W, 3), red first."""
+    """Convert an image to uint8 (H, W, 3), red first."""
     return to_8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])

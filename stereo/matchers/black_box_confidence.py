@@ -1,6 +1,6 @@
 """Confidences of any matcher that can be run again, from its answers to changed images.
 
-Both compare two answers about a pixel; their difference in px is taken as its expected error, see ``result``.
+Each measure compares two answers about a pixel; their difference in px is taken as the expected error, see ``result``.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def compute_black_box_confidence(
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
 ) -> Array:
-    """The confidence, float32 (H, W) from 0 to 1, of a ``disparity`` (H, W), px, NaN where invalid, that
-    ``match_checked`` found with the other arguments; ``measure`` is one of RUNS. Raises IcyMoonError where a run fails.
+    """Compute the confidence, float32 (H, W) from 0 to 1, of a ``disparity`` (H, W), px, NaN where invalid, that
+    ``match_checked`` found with the other arguments. ``measure`` is one of RUNS. Raises IcyMoonError if a run fails.
     """
 
     def run(left: Array, right: Array, camera: StereoCamera | None) -> Array:
@@ -55,9 +55,9 @@ Run = Callable[[Array, Array, StereoCamera | None], Array]
 def find_left_right_error(
     run: Run, left: Array, right: Array, disparity: Array, camera: StereoCamera | None = None
 ) -> Array:
-    """The difference in px (H, W) between the disparity of each left pixel and the disparity of the right pixel to
-    which it points; large where the right pixel has none or is outside the image. Between two right pixels the nearer
-    pixel counts, since a mean of two surfaces is on neither.
+    """Find the difference in px (H, W) between the disparity of each left pixel and the disparity of the right pixel to
+    which it points. It is large where the right pixel has no disparity or is outside the image. Between two right
+    pixels the nearer pixel counts, because the mean of two surfaces lies on neither.
     """
     of_right = match_right_image(run, left, right, camera)
     width = disparity.shape[1]
@@ -70,13 +70,15 @@ def find_left_right_error(
 
 
 def match_right_image(run: Run, left: Array, right: Array, camera: StereoCamera | None = None) -> Array:
-    """The disparity (H, W) of the right image, px: it is matched as a left one, both mirrored and exchanged."""
+    """Find the disparity (H, W) of the right image, px: both images are mirrored and exchanged, so that the right one
+    is matched as a left one.
+    """
     mirrored = [np.ascontiguousarray(image[:, ::-1]) for image in (right, left)]
     return run(mirrored[0], mirrored[1], camera and mirror_camera(camera))[:, ::-1]
 
 
 def mirror_camera(camera: StereoCamera) -> StereoCamera:
-    """The rig of the mirrored images, with the right eye as the left one."""
+    """Return the rig of the mirrored images, with the right eye as the left one."""
     rig = camera.rectified
     return replace(rig, cx_px=rig.width_px - rig.cx_px - rig.doffs_px)
 
@@ -84,8 +86,10 @@ def mirror_camera(camera: StereoCamera) -> StereoCamera:
 def find_sweep_error(
     run: Run, left: Array, right: Array, disparity: Array, camera: StereoCamera | None = None
 ) -> Array:
-    """The expected error in px (H, W) by a sweep of disparity planes (Lee et al. 2024): the right image is shifted by
-    each of SWEPT_PX, which should add as much to each disparity; -log of the mean of exp(-difference) over the shifts.
+    """Find the expected error in px (H, W) by a sweep of disparity planes (Lee et al. 2024).
+
+    The right image is shifted by each of SWEPT_PX, which should add as much to each disparity. The expected error is
+    -log(mean of exp(-difference)) over the shifts.
     """
     trust: Array = np.zeros(disparity.shape)
     for shift in SWEPT_PX:
@@ -95,7 +99,9 @@ def find_sweep_error(
 
 
 def shift_left(image: Array, shift: float) -> Array:
-    """An image (H, W) or (H, W, bands) moved to the left by ``shift`` px, linear between pixels, its border beyond."""
+    """Move an image (H, W) or (H, W, bands) to the left by ``shift`` px, interpolated linearly; its border is repeated
+    beyond it.
+    """
     width = image.shape[1]
     column = np.minimum(np.arange(width) + shift, width - 1.0)
     first = np.minimum(np.floor(column).astype(int), width - 2)

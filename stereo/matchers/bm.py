@@ -97,12 +97,12 @@ _ROUNDING_BIAS_PX = 7.5 / 256
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with a search range in numbers, and this range."""
+    """Return the options with a search range in numbers, and this range."""
     return resolve_range("bm", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
+    """Compute the disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least = options["min_disparity"]
     matcher = cv2.StereoBM.create(options["disparities"], options["window"])
     matcher.setMinDisparity(least)

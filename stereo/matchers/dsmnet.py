@@ -1,8 +1,8 @@
 """DSMNet (Zhang et al., ECCV 2020), one of the two networks of the GUISS paper; see ``networks.dsmnet``.
 
 It normalises by the statistics of its input, so the result depends on the crop. The paper used the middle 384 x 640 px
-(preset ``guiss``); by default it gets the whole image. There is no half precision: in the sums over all disparities
-its rounding grows to errors of several pixels.
+(preset ``guiss``); by default the network gets the whole image. There is no half precision, because its rounding grows
+to errors of several pixels in the sums over all disparities.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OPTIONS = network_matchers.OPTIONS | {
     "crop_width": {**_CROP, "doc": "Columns used, from the middle; 0 for all"},
 }
 
-#: Least deviation of an image that is brought to deviation 1 in training.
+#: Least standard deviation of an image that is scaled to standard deviation 1 in training.
 _MIN_DEVIATION = 1e-3
 
 PRESETS = {"guiss": {"crop_height": 384, "crop_width": 640}}
@@ -53,18 +53,18 @@ NETWORK = network_matchers.Network(
 
 
 def apply_in_training(network: nn.Module, left: Tensor, right: Tensor) -> Tensor:
-    """Disparities (N, H, W) of grey images (N, 1, H, W) from 0 to 1, for gradients."""
+    """Compute the disparities (N, H, W), px, of grey images (N, 1, H, W) from 0 to 1, with gradients."""
     return network(*(_standardise(image).expand(-1, 3, -1, -1) for image in (left, right)))
 
 
 def _standardise(image: Tensor) -> Tensor:
-    """Images with mean 0 and deviation 1; 0 where they are constant."""
+    """Scale each image to mean 0 and standard deviation 1; a constant image becomes 0."""
     mean, spread = image.mean((1, 2, 3), keepdim=True), image.std((1, 2, 3), keepdim=True)
     return (image - mean) / spread.clamp(min=_MIN_DEVIATION)
 
 
 def check(options: Mapping[str, Any]) -> None:
-    """Raise IcyMoonError unless it can run."""
+    """Raise IcyMoonError unless the network can run."""
     network_matchers.check(NETWORK, options)
 
 
@@ -74,7 +74,7 @@ def load(options: Mapping[str, Any]) -> None:
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
-    """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop, and facts on the network."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images, NaN outside the crop; also return facts on the network."""
     options = context.options
     model, facts = network_matchers.load(NETWORK, options)
     device = next(model.parameters()).device
@@ -93,7 +93,9 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
 
 
 def _crop_span(size: int, crop: int) -> tuple[int, int]:
-    """(first, count) of the rows or columns used: the middle ones; negative if the image has too few."""
+    """Return (first, count) of the middle rows or columns that are used; ``first`` is negative if the image has too
+    few.
+    """
     from ..networks.dsmnet import SIZE_STEP
 
     # At least two steps: with one, the coarsest features would be a single pixel, which has no variance.
@@ -102,7 +104,7 @@ def _crop_span(size: int, crop: int) -> tuple[int, int]:
 
 
 def _normalise(image: Array) -> Array:
-    """Every channel with mean 0 and variance 1 over the whole image; 0 if it is constant."""
+    """Scale every channel to mean 0 and variance 1 over the whole image; a constant channel becomes 0."""
     spread = image.std(axis=(0, 1))
     return (image - image.mean(axis=(0, 1))) / np.where(spread > 0, spread, 1)
 

@@ -78,7 +78,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images as the program writes it."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images with the program."""
     with open_scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
@@ -111,7 +111,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """Paths on which the result may depend: the program and its arguments."""
+    """List the paths on which the result may depend: the program and its arguments."""
     return _split_command(options)
 
 
@@ -120,7 +120,9 @@ def _split_command(options: dict[str, Any]) -> list[str]:
 
 
 def _run_program(arguments: list[str], timeout_s: int, errors: Path) -> None:
-    """Run a program to its end within the time; then end everything that it started."""
+    """Run a program within its time limit, and then end all processes that it started. Raises IcyMoonError if the
+    program fails.
+    """
     try:
         with errors.open("wb") as stream:
             process = start(arguments, stdout=subprocess.DEVNULL, stderr=stream)

@@ -1,8 +1,8 @@
 """icynet, a small network whose weights come with Icy Moon, trained on pairs made by rays; see ``networks.icynet``.
 
 It takes grey images of any size and searches the pair's own range. It runs in PyTorch, or else in ONNX Runtime; both
-give the same numbers to 1e-4 px. Your own weights, of `python -m icymoon.stereo train`, are a file of safetensors, for
-PyTorch, or ONNX, for ONNX Runtime.
+give the same numbers to 1e-4 px. Your own weights, from `python -m icymoon.stereo train`, are a safetensors file for
+PyTorch, or an ONNX file for ONNX Runtime.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ OPTIONS = {
     "checkpoint": {"default": "", "doc": "File with weights that you have trained; by default those of Icy Moon"},
 }
 
-#: Weights that come with Icy Moon: of the same training, for PyTorch and for ONNX Runtime.
+#: Weights that come with Icy Moon, from one training, for PyTorch and for ONNX Runtime.
 SHIPPED = {kind: Path(__file__).parents[1] / "networks" / f"icynet_weights.{kind}" for kind in ("safetensors", "onnx")}
 
-#: Seconds that its ONNX file may take for a small image, as any network's by default: a file may loop without end.
+#: Seconds that its ONNX file may take for a small image, as any network's by default, because a file may loop forever.
 _TIMEOUT_S = 60.0
 
 
@@ -59,7 +59,7 @@ NETWORK = network_matchers.Network(
 
 
 def check(options: Mapping[str, Any]) -> None:
-    """Raise IcyMoonError unless it can run."""
+    """Raise IcyMoonError unless the network can run."""
     options = _name_weights(options)
     if not _is_onnx(options):
         network_matchers.check(NETWORK, options)
@@ -77,7 +77,7 @@ def load(options: Mapping[str, Any]) -> None:
 
 
 def _name_weights(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The options with the shipped weights of the library that is there, unless they name a file."""
+    """Return the options, with the shipped weights for the installed library unless they name a file."""
     if options["checkpoint"]:
         return options
     has_torch = all(importlib.util.find_spec(name) for name in ("torch", "safetensors"))
@@ -89,7 +89,9 @@ CONFIDENCE = LOGIT
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any], Array]:
-    """Disparity of uint8 grey (H, W) images, everywhere, facts on the network, and the logit of a confidence."""
+    """Compute the disparity of uint8 grey (H, W) images, everywhere; also return facts on the network, and the logit of
+    a confidence.
+    """
     height, width = left.shape
     # The network searches from 0 on, so the right image moves by the least disparity.
     place = np.clip(np.arange(width) - context.least_px, 0, width - 1)
@@ -141,7 +143,7 @@ def _load_session(options: Mapping[str, Any]) -> tuple[onnxruntime.InferenceSess
 def _open_session(
     path: Path, changed: tuple[int, int], device: str, threads: int
 ) -> tuple[onnxruntime.InferenceSession, dict[str, Any]]:
-    """A session and its facts; ``changed`` identifies the version of the file."""
+    """Open a session; return it and its facts. ``changed`` identifies the version of the file."""
     session, facts = onnx.open_session("icynet", path, device, threads)
     names = (tuple(each.name for each in declared) for declared in (session.get_inputs(), session.get_outputs()))
     if tuple(names) != (INPUTS, OUTPUTS):

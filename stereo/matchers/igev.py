@@ -1,7 +1,7 @@
 """IGEV-Stereo (Xu, Wang, Ding, Yang, CVPR 2023), one of the two networks of the GUISS paper; see ``networks.igev``.
 
 The paper ran it with 256 disparities and 256 iterations (preset ``guiss``); its authors train with 22 iterations and
-test with 32. An iteration takes a sixth of the time of everything else.
+test with 32. An iteration takes a sixth of the time that the rest of the network takes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ OPTIONS = network_matchers.OPTIONS | {
     },
 }
 
-#: Iterations in training, of which its authors take 22.
+#: Iterations in training; its authors take 22.
 _TRAINING_ITERATIONS = 12
 
 PRESETS = {"guiss": {"iterations": 256, "max_disparity": 256}}
@@ -61,13 +61,13 @@ NETWORK = network_matchers.Network("igev", "sceneflow.pth", "https://github.com/
 
 
 def apply_in_training(network: nn.Module, left: Tensor, right: Tensor) -> Tensor:
-    """Disparities (N, H, W) of grey images (N, 1, H, W) from 0 to 1, for gradients."""
+    """Compute the disparities (N, H, W), px, of grey images (N, 1, H, W) from 0 to 1, with gradients."""
     eyes = (255.0 * image.expand(-1, 3, -1, -1) for image in (left, right))
     return network(*eyes, _TRAINING_ITERATIONS)[:, 0]
 
 
 def check(options: Mapping[str, Any]) -> None:
-    """Raise IcyMoonError unless it can run."""
+    """Raise IcyMoonError unless the network can run."""
     network_matchers.check(NETWORK, options)
 
 
@@ -77,7 +77,7 @@ def load(options: Mapping[str, Any]) -> None:
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
-    """Disparity of uint8 RGB (H, W, 3) images, everywhere, and facts on the network."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images, everywhere; also return facts on the network."""
     import torch
     from torch.nn import functional as F  # noqa: N812, its usual name
 

@@ -42,11 +42,12 @@ class Search:
 
 
 def band_pass(image: Array, level: int) -> tuple[Array, int]:
-    """(uint8 (h, w), width of its invalid rim in px) of a uint8 (H, W) image, halved ``level`` times.
+    """Filter a uint8 (H, W) image that is halved ``level`` times; return uint8 (h, w), and the width of its invalid rim
+    in px.
 
     The result is the detail of the image: the difference of two box means, around a grey of 126. This removes
     differences of brightness between the cameras. The smaller box is one pixel at level 0 and 3 x 3 above, the larger
-    one 9 x 9 and 11 x 11. The fixed-point factors are rounded down, so only 98.9 % of the larger mean is subtracted.
+    box 9 x 9 and 11 x 11. The fixed-point factors are rounded down, so only 98.9 % of the larger mean is subtracted.
     """
     rim = 0
     for _ in range(level - 1):
@@ -100,14 +101,15 @@ def search_disparities(left: Array, right: Array, least: int, most: int, window:
 
 
 def judge_matches(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[Array, Array]:
-    """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of the matches of a search.
+    """Accept or reject the matches of a search; return the disparity, int32 in 1/256 px or NO_DATA, and the flags,
+    uint8.
 
     The disparity is refined by a parabola through three scores. If ``uncertainty`` is above 0, it is the largest
     expected error, in 1/256 px, that is accepted.
     """
     best = found.best.astype(np.int32)
     column = np.arange(best.shape[1], dtype=np.int32)
-    last = np.minimum(most, column) - least  # of the disparities searched; below 0 where none fits
+    last = np.minimum(most, column) - least  # index of the last searched disparity; below 0 where none fits
     border = (best == 0) | (best >= last)
     matched = np.take_along_axis(found.best_right, np.maximum(column - best - least, 0), axis=1)
     before, after, score = (scores.astype(np.int32) for scores in (found.before, found.after, found.score))
@@ -123,8 +125,9 @@ def judge_matches(found: Search, least: int, most: int, window: int, uncertainty
 
 
 def compute_expected_error(found: Search, disparity: Array, least: int, window: int) -> Array:
-    """Compute the correlator's own estimate of its error, px, float64 in the shape of ``disparity``, the disparity from
-    ``judge_matches``; NaN where it has no data. The ``uncertainty`` of ``judge_matches`` limits this error."""
+    """Compute the correlator's own estimate of its error, px, float64 in the shape of ``disparity``, which comes from
+    ``judge_matches``; NaN where the disparity has no data. The ``uncertainty`` of ``judge_matches`` limits this error.
+    """
     before, after, score = (scores.astype(np.int64) for scores in (found.before, found.after, found.score))
     measured = disparity != NO_DATA
     curvature = np.where(measured, before + after - 2 * score, 1)
@@ -133,14 +136,14 @@ def compute_expected_error(found: Search, disparity: Array, least: int, window: 
 
 
 def find_blobs(disparity: Array, smallest: int) -> Array:
-    """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
+    """Find the measured pixels in patches of fewer than ``smallest`` pixels, as booleans (h, w).
 
     A patch ends where two pixels side by side, or one above the other, differ by a quarter of a pixel or more.
     """
     measured = disparity != NO_DATA
     if smallest < 2 or not measured.any():
         return np.zeros_like(measured)
-    # OpenCV's filter takes 16 bits, which hold MAX_LEVELS disparities about zero.
+    # OpenCV's filter takes 16 bits, which hold MAX_LEVELS disparities if they are centred on zero.
     centre = (int(disparity[measured].min()) + int(disparity[measured].max())) // 2
     centred = np.where(measured, disparity - centre, NO_DATA).astype(np.int16)
     cv2.filterSpeckles(centred, NO_DATA, smallest - 1, _BLOB_STEP - 1)

@@ -84,7 +84,7 @@ _JOINED_PX = 1.0  # halved disparities that differ by more belong to different s
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with a search range and a pyramid level in numbers, and this range."""
+    """Return the options with a search range and a pyramid level in numbers, and this range."""
     least, most, level = options["min_disparity"], options["max_disparity"], options["pyramid_level"]
     source = STATED
     if isinstance(most, str):
@@ -100,7 +100,7 @@ def settle(
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images.
+    """Compute the disparity of uint8 (H, W) images.
 
     The arrays belong to the halved images: ``jpl_disparity``, int32 in 1/256 of their px, 0x7FFF where rejected, always
     by the parabola of the original; and ``flags``, uint8, the index in ``FLAGS``. The confidence is the correlator's
@@ -140,10 +140,10 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
-    """Disparity (H, W), px, from the disparity of images halved ``level`` times.
+    """Enlarge the disparity of images that are halved ``level`` times to (H, W), px.
 
-    Pixel i of a halved image is pixel i 2^level of the full one. Between four measured pixels of one surface the
-    disparity is interpolated, elsewhere the nearest pixel counts.
+    Pixel i of a halved image is pixel i 2^level of the full one. The disparity is interpolated between four measured
+    pixels of one surface; elsewhere it equals the nearest pixel's.
     """
     if level == 0:
         return disparity
@@ -159,7 +159,8 @@ def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> 
 
 
 def _find_neighbouring_pixels(place: Array, last: int) -> tuple[Array, Array, Array]:
-    """The integer positions around fractional ones (the same twice for an integer one), and the weight of the
-    second."""
+    """Find the integer positions on both sides of fractional positions, and the weight of the second. For an integer
+    position both are the same.
+    """
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
     return before, np.minimum(after, last), place - before

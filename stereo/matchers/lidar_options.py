@@ -47,13 +47,14 @@ LIDAR_OPTIONS = (*_POINTS, *_FUSION)
 
 
 def complete_lidar_options(matcher: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of range points, for a ``matcher`` or for LIDAR alone. Values may be text. Raises IcyMoonError for
-    unknown options and bad values."""
+    """Complete the options of range points for a ``matcher``, or for LIDAR alone. Values may be text. Raises
+    IcyMoonError for unknown options and bad values.
+    """
     return resolve_options(LIDAR, _POINTS if matcher == LIDAR else LIDAR_OPTIONS, {}, given)
 
 
 def describe_lidar_options() -> str:
-    """The options as lines of text, for ``methods``."""
+    """Describe the options in lines of text, for ``methods``."""
     return "\n".join(
         [
             "lidar: Range points of a LiDAR, interpolated; MATCHER+lidar joins them with a matcher",

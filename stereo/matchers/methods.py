@@ -1,5 +1,6 @@
-"""Which methods to run, from the user's texts: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
-``--method mynet=resident:command=PROGRAM``."""
+"""The methods to run, from the user's texts: ``bm,sgbm:window=7``, ``--option bm.window=21`` and ``--method
+mynet=resident:command=PROGRAM``.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
 from .lidar_options import LIDAR, RETURNS, complete_lidar_options
 
-#: The matcher that joins the default matchers where its library is installed.
+#: The matcher that is added to the default matchers where its library is installed.
 _LEARNED = "icynet"
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -25,9 +26,10 @@ _PATH_PARTS = re.compile(r"[/\\]")
 
 @dataclass(frozen=True)
 class Method:
-    """A matcher (``name``) with all of its options, checked; ``label`` is its name in the report.
+    """A matcher (``name``) with all of its options, checked. ``label`` is its name in the report.
 
-    ``lidar`` are all options of the range points that help it, see ``lidar_options``; LIDAR alone has no matcher.
+    ``lidar`` are all options of the range points that help the matcher, see ``lidar_options``. The name LIDAR means
+    range points without a matcher.
     """
 
     label: str
@@ -51,15 +53,18 @@ class UncheckedMethod:
     lidar: dict[str, str] | None = None
 
     def parsed(self) -> Method:
-        """The method. Raises IcyMoonError for an unknown option, a bad value, and a missing file or program."""
+        """Return the checked method. Raises IcyMoonError for an unknown option, a bad value, and a missing file or
+        program.
+        """
         options = {} if self.name == LIDAR else check_options(self.name, self.options)
         lidar = None if self.lidar is None else complete_lidar_options(self.name, self.lidar)
         return Method(self.label, self.name, options, lidar)
 
 
 def list_default_methods() -> str:
-    """The methods that are compared if the user names none: the setting's, and ``icynet`` where PyTorch or ONNX Runtime
-    is installed."""
+    """List the methods that are compared if the user names none: those from the default settings, and ``icynet`` where
+    PyTorch or ONNX Runtime is installed.
+    """
     named = str(defaults().dataset.methods)
     try:
         check_options(_LEARNED, {})
@@ -69,7 +74,7 @@ def list_default_methods() -> str:
 
 
 def parse_key_value(text: str, where: str) -> tuple[str, str]:
-    """('a', 'b') of 'a=b'. Raises IcyMoonError, naming ``where``, for anything else."""
+    """Parse 'a=b' to ('a', 'b'). Raises IcyMoonError, naming ``where``, for any other text."""
     key, equals, value = split_option(text)
     if not (key and equals and value):
         raise IcyMoonError(f"{where} {text}: write it as key=value, as in window=21.")
@@ -77,14 +82,15 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
 
 
 def names_method(text: str, name: str) -> bool:
-    """Whether a comma-separated list of methods contains a matcher, with or without options. ``name`` may be
-    own:NAME."""
+    """Return whether a comma-separated list of methods contains a matcher, with or without options. ``name`` may be
+    own:NAME.
+    """
     return any(_names_matcher(entry, name) for entry in text.split(","))
 
 
 def describe_method(label: str) -> str:
-    """A method in the words of a reader: ``StereoBM window=7`` for bm:window=7; a name of the user's is unchanged. The
-    folder of a scan is shortened to its last part.
+    """Describe a method as readers know it, such as ``StereoBM window=7`` for bm:window=7. A name that the user gave is
+    unchanged. The folder of a scan is shortened to its last part.
 
     Files keep the label, by which programs find a method.
     """
@@ -98,13 +104,13 @@ def describe_method(label: str) -> str:
 
 
 def _shorten_folder(option: str) -> str:
-    """An option of range points, where the folder of a scan is its last part: ``scan=NAME``."""
+    """Return an option of range points, with the folder of a scan shortened to its last part: ``scan=NAME``."""
     key, _, value = option.partition("=")
     return f"scan={_PATH_PARTS.split(value.rstrip(_SLASHES))[-1]}" if key == RETURNS else option
 
 
 def toggle_method(text: str, name: str) -> str:
-    """The list without a matcher that it contains, or else with it appended. Other methods keep their options."""
+    """Remove a matcher from a list of methods that contains it, or else append it. Other methods keep their options."""
     entries = [entry.strip() for entry in text.split(",") if entry.strip()]
     kept = [entry for entry in entries if not _names_matcher(entry, name)]
     return ",".join(kept if len(kept) < len(entries) else [*entries, name])
@@ -115,9 +121,9 @@ def _names_matcher(entry: str, name: str) -> bool:
 
 
 def parse_own_matchers(texts: Sequence[str]) -> dict[str, UncheckedMethod]:
-    """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
+    """Parse the user's own matchers, by name, from ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 
-    Raises IcyMoonError for any other text.
+    Raises IcyMoonError for any other text, and for a name with two methods.
     """
     found: dict[str, UncheckedMethod] = {}
     for text in texts:
@@ -137,10 +143,10 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, UncheckedMethod]:
 
 
 def parse_named_methods(texts: Sequence[str]) -> list[UncheckedMethod]:
-    """Methods with names of the user's, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
+    """Parse methods that the user named, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
 
     An option ends where a colon and the next known option follow, so a command may contain commas and colons. Raises
-    IcyMoonError for any other text, and for a name that is a matcher's or given twice.
+    IcyMoonError for any other text, for the name of a matcher, and for a name given twice.
     """
     found: list[UncheckedMethod] = []
     for text in texts:
@@ -163,12 +169,12 @@ def parse_named_methods(texts: Sequence[str]) -> list[UncheckedMethod]:
 def parse_methods(
     text: str, options: Sequence[str] = (), own: Sequence[str] = (), named: Sequence[str] = ()
 ) -> list[Method]:
-    """The methods of a comma-separated list, then those that are ``named``, checked before anything runs.
+    """Parse the methods of a comma-separated list, then the ``named`` methods, and check all before anything runs.
 
     A matcher may have options, ``bm:window=21:disparities=128``, so that it can be compared with itself. ``options``
-    are ``matcher.key=value`` for every use of that matcher. ``own:NAME`` is one of ``own``, see
-    ``parse_own_matchers``; for ``named`` see ``parse_named_methods``. Raises IcyMoonError for an unknown matcher or
-    option, a bad value, or a method given twice.
+    are ``matcher.key=value`` for every use of that matcher. ``own:NAME`` is one of ``own``, see ``parse_own_matchers``;
+    for ``named`` see ``parse_named_methods``. Raises IcyMoonError for an unknown matcher or option, a bad value, or a
+    method given twice.
     """
     shared = _parse_shared_options(options)
     owned = parse_own_matchers(own)
@@ -199,12 +205,12 @@ def parse_methods(
 
 
 def _parse_lidar_options(text: str) -> dict[str, str]:
-    """The options after ``lidar:``."""
+    """Parse the options after ``lidar:``."""
     return dict(parse_key_value(part, "--methods lidar:") for part in text.split(":")) if text else {}
 
 
 def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Options for every use of a matcher, from ``matcher.key=value`` of each."""
+    """Parse options for every use of a matcher, each as ``matcher.key=value``; return them by matcher."""
     shared: dict[str, dict[str, str]] = {}
     for option in options:
         name, value = parse_key_value(option, "--option")

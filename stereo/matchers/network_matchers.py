@@ -57,7 +57,7 @@ class Network:
 
     @property
     def remedy(self) -> str:
-        """How to get the parameters, as a clause."""
+        """A clause on how to get the parameters."""
         return self.advice or f"download {self.file} as the README of {self.source} describes and put it there"
 
 
@@ -73,7 +73,7 @@ def check(network: Network, options: Mapping[str, Any]) -> None:
 
 
 def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
-    """The checkpoint file of a network: the checkpoint in the options, or the default checkpoint."""
+    """Find the checkpoint file of a network: the one in the options, or the default one."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
@@ -115,11 +115,11 @@ def guard_inference(method: str) -> Iterator[None]:
             f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
         ) from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{get_matcher_title(method)} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{get_matcher_title(method)} failed in PyTorch ({_find_first_line(error)}).") from None
 
 
 def to_batch(image: Array, device: torch.device) -> torch.Tensor:
-    """A float tensor (1, C, H, W) on ``device`` from (H, W, C)."""
+    """Convert an image (H, W, C) to a float tensor (1, C, H, W) on ``device``."""
     import torch
 
     return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(device)
@@ -129,14 +129,18 @@ def to_batch(image: Array, device: torch.device) -> torch.Tensor:
 def _load_network(
     network: Network, path: Path, changed: tuple[int, int], max_disparity: int, device: str
 ) -> tuple[nn.Module, str]:
-    """The network with the parameters in a file, and the file's SHA-256; ``changed`` identifies its version."""
+    """Load a network with the parameters in a file; return it and the file's SHA-256. ``changed`` identifies the
+    version of the file.
+    """
     model = network.build(max_disparity)
     fill_parameters(model, read_parameters(path), path, get_matcher_title(network.method))
     return model.eval().to(device), hash_file(path)
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """Name -> tensor of a checkpoint, without the prefixes that training adds. Runs no code from the file."""
+    """Read the tensors of a checkpoint, by name without the prefixes that training adds. Runs no code from the file.
+    Raises IcyMoonError for a file that is no checkpoint.
+    """
     if path.suffix == ".safetensors":
         return _read_safetensors(path)
     import torch
@@ -148,7 +152,7 @@ def read_parameters(path: Path) -> dict[str, Any]:
         raise IcyMoonError(f"{path} contains more than parameters, or is damaged; download it again.") from None
     except Exception as error:  # for a damaged file the parser may raise anything
         raise IcyMoonError(
-            f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it again."
+            f"{path} cannot be read as a checkpoint ({_find_first_line(error)}); download it again."
         ) from None
     if isinstance(stored, dict) and isinstance(stored.get("state_dict"), dict):
         stored = stored["state_dict"]
@@ -158,7 +162,7 @@ def read_parameters(path: Path) -> dict[str, Any]:
 
 
 def _read_safetensors(path: Path) -> dict[str, Any]:
-    """Name -> tensor of a file of safetensors, which holds nothing but tensors and texts."""
+    """Read the tensors of a safetensors file, by name. Such a file contains nothing but tensors and texts."""
     try:
         from safetensors.torch import load_file
     except ImportError:
@@ -167,13 +171,14 @@ def _read_safetensors(path: Path) -> dict[str, Any]:
         return dict(load_file(path))
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"{path} cannot be read as a file of safetensors ({_first_line(error)}); copy or download it again."
+            f"{path} cannot be read as a file of safetensors ({_find_first_line(error)}); copy or download it again."
         ) from None
 
 
 def _check_archive(path: Path) -> None:
-    """Raise IcyMoonError for a compressed archive, which could expand beyond its size: PyTorch does not compress
-    parameters."""
+    """Raise IcyMoonError for a compressed archive, because it could expand beyond its size. PyTorch does not compress
+    parameters.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             unfolded = sum(member.file_size for member in archive.infolist())
@@ -186,7 +191,9 @@ def _check_archive(path: Path) -> None:
 
 
 def fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, title: str) -> None:
-    """Load the parameters into a network; raise IcyMoonError unless their names and shapes are exactly its own."""
+    """Load the parameters into a network. Raises IcyMoonError unless their names and shapes are exactly the
+    network's.
+    """
     expected = model.state_dict()
     # Counts of training steps: checkpoints from before PyTorch 0.4.1 lack them, and nothing here uses them.
     given = {name: value for name, value in expected.items() if name.endswith("num_batches_tracked")} | given
@@ -204,5 +211,5 @@ def fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, title: 
     model.load_state_dict(given, strict=True)
 
 
-def _first_line(error: Exception) -> str:
+def _find_first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]

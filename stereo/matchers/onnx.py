@@ -1,10 +1,10 @@
 """Any stereo network as one ONNX file, by ONNX Runtime.
 
 ``model`` is the file. The network gets both images: as two inputs, named after left and right or in this order, as one
-input with the channels of both, or as four of two sizes. Its output is the disparity of the left image. An input of
-fixed size gets the images resized, and the disparities are scaled back; one of any size gets them padded to a
-``multiple``. Before the first pair, the network matches a texture that is shifted by 7 and by 12 px: this finds a wrong
-sign or scale, exchanged inputs, and a network that always answers the same.
+input with the channels of both, or as four inputs of two sizes. Its output is the disparity of the left image. For an
+input of fixed size the images are resized, and the disparities are scaled back; for one of free size they are padded to
+a ``multiple``. Before the first pair, the network matches a texture that is shifted by 7 and by 12 px. This test finds
+a wrong sign or scale, exchanged inputs, and a network that always gives the same answer.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 #: Requirement for pip: the first version with wheels for NumPy 2, and the next major version.
 REQUIREMENT = "onnxruntime>=1.19,<2"
-#: Shifts of the test texture. Two are needed: a network with a constant answer fits one shift with some factor.
+#: Shifts of the test texture. Two are needed, because a constant answer fits one shift with some factor.
 _SHIFTS_PX = (7, 12)
 #: Most pixels of an input of fixed size, to which images are resized.
 _MAX_INPUT_PIXELS = 2**25
@@ -121,13 +121,13 @@ _NUMPY_TYPES = {
 
 @dataclass(frozen=True)
 class _Input:
-    """An input of a network: the image that it takes, or both."""
+    """An input of a network, and the image or images that it takes."""
 
     name: str
     eyes: tuple[str, ...]
     dtype: type
     channels_last: bool
-    channels: int  # of one image
+    channels: int  # number of channels of one image
     height: int | None  # None where it is free
     width: int | None
 
@@ -142,7 +142,7 @@ class _Network:
 
     @property
     def fixed(self) -> tuple[int, int] | None:
-        """Height and width of its largest input; None if they are free."""
+        """Height and width of the largest input; None if they are free."""
         sizes = [(each.height, each.width) for each in self.inputs if each.height and each.width]
         return max(sizes) if sizes else None
 
@@ -167,7 +167,7 @@ def load(options: dict[str, Any]) -> None:
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images, everywhere."""
     network = _load_network(options)
     return _run_network(network, left, right, options)
 
@@ -186,7 +186,9 @@ def _load_network(options: dict[str, Any]) -> _Network:
 
 @lru_cache(maxsize=4)
 def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
-    """The tested network of complete options, or its fault in words; ``changed`` identifies the version of its file."""
+    """Load and test the network that these complete options describe. Return it, or a sentence on its fault.
+    ``changed`` identifies the version of the file.
+    """
     options = dict(items)
     try:
         network = _open_network(options)
@@ -200,7 +202,8 @@ def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int,
 def open_session(
     method: str, path: Path, device: str, threads: int
 ) -> tuple[onnxruntime.InferenceSession, dict[str, Any]]:
-    """A network file that is ready to run, and facts for the provenance. ``device`` is auto, cpu or cuda.
+    """Open a network file; return a session that is ready to run, and facts for the provenance. ``device`` is auto, cpu
+    or cuda.
 
     Raises IcyMoonError if there is no such device or the file cannot be read.
     """
@@ -217,7 +220,7 @@ def open_session(
         providers.insert(0, "CUDAExecutionProvider")
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads, settings.inter_op_num_threads = threads, 1
-    settings.log_severity_level = 4  # its errors are raised too, and its warnings are about how a network was exported
+    settings.log_severity_level = 4  # errors are raised anyway, and warnings are about the export of the network
     onnxruntime.disable_telemetry_events()
     try:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
@@ -239,7 +242,7 @@ def _open_network(options: dict[str, Any]) -> _Network:
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
-    """The images that each input of a network takes. Raises IcyMoonError if the inputs are ambiguous."""
+    """Find the images that each input of a network takes. Raises IcyMoonError if the inputs are ambiguous."""
     if len(declared) not in (1, 2, 4):
         raise IcyMoonError(
             f"{path} has {len(declared)} inputs ({_describe_declared(declared)}); a stereo network has 1, 2 or "
@@ -317,8 +320,9 @@ def _find_map(
     place: int,
     factor: float | None,
 ) -> Array:
-    """Find the map of the images' size in an output; ``factor`` converts it to px of the network's input, and is None
-    for numbers that are not in px."""
+    """Find the map in an output, in the size of the images. ``factor`` converts it to px of the network's input; None
+    for numbers that are not in px.
+    """
     found = _select_output_map(network, outputs, place, option, run_shape).astype(np.float32)
     if factor is not None:
         found = found * np.float32(factor)
@@ -333,7 +337,9 @@ def _find_map(
 def _compute_outputs(
     network: _Network, images: dict[str, Array], shape: tuple[int, int], options: dict[str, Any]
 ) -> list[Array]:
-    """All outputs of the network for images of its input's ``shape``. Raises IcyMoonError if it fails."""
+    """Compute all outputs of the network for images of its input's ``shape``. Raises IcyMoonError if the
+    network fails.
+    """
     given = {each.name: _make_input_tensor(each, images, options) for each in network.inputs}
     most_s = find_most_s(options["timeout_s"], shape[0] * shape[1])
     try:
@@ -352,7 +358,7 @@ def _compute_outputs(
 
 
 def _make_input_tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> Array:
-    """The values of an input: a batch of one image or of both."""
+    """Make the values of an input: a batch of one image or of both."""
     found = []
     for eye in each.eyes:
         image = images[eye]
@@ -366,7 +372,7 @@ def _make_input_tensor(each: _Input, images: dict[str, Array], options: dict[str
 
 
 def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Array:
-    """float32 (H, W, channels) of uint8 RGB (H, W, 3)."""
+    """Normalise uint8 RGB (H, W, 3) as the options state, to float32 (H, W, channels)."""
     values = image.astype(np.float32)
     if options["numbers"] != "byte":
         values /= 255
@@ -382,7 +388,9 @@ def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Arr
 def _select_output_map(
     network: _Network, outputs: Sequence[Array], place: int, option: str, shape: tuple[int, int]
 ) -> Array:
-    """The map (H, W) in the output that an option names: the first channel of the first image."""
+    """Select the map (H, W) in the output that an option names: the first channel of the first image. Raises
+    IcyMoonError if the output has no such map.
+    """
     declared = network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
     if found is not None and found.ndim >= 2 and found.dtype.kind == "f":
@@ -412,10 +420,10 @@ def _test_network(network: _Network, options: dict[str, Any]) -> None:
 
 
 def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...]:
-    """The median disparities that a network estimates for each of ``_SHIFTS_PX``."""
+    """Find the median disparity, px, that a network estimates for each of ``_SHIFTS_PX``."""
     height, width = network.fixed or _TEST_SHAPE
     most = max(_SHIFTS_PX)
-    # Squares of several sizes: as fine as a pixel, and as coarse as what a network sees at a sixteenth of the size.
+    # Squares of several sizes: as fine as a pixel, and as coarse as the features at a sixteenth of the size.
     random = np.random.default_rng(0)
     texture = np.zeros((height, width + most, 3), np.float32)
     for side, weight in ((1, 20.0), (2, 30.0), (4, 40.0), (8, 40.0), (16, 40.0)):
@@ -436,7 +444,7 @@ def _match_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
 
 
 def _advise_on_shifts(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
-    """A clause with the advice, if a network estimates wrong shifts."""
+    """Write a clause with advice for a network that estimates wrong shifts."""
     if _match_shifts(found, -1.0):
         return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
     factors = [shift / each if each else np.inf for each, shift in zip(found, _SHIFTS_PX, strict=True)]
@@ -458,14 +466,15 @@ def _describe_declared(declared: Sequence[Any]) -> str:
 
 
 def find_most_s(timeout_s: float, pixels: int) -> float:
-    """Seconds that an input of this many pixels may take, if a small one may take ``timeout_s``."""
+    """Find the seconds that an input of ``pixels`` pixels may take, if a small one may take ``timeout_s``."""
     return timeout_s * max(1.0, pixels / _TIMED_PIXELS)
 
 
 def run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], most_s: float) -> list[Array]:
-    """The outputs of a network, which is stopped after ``most_s`` seconds, since it may have an infinite loop.
+    """Run a network, and return its outputs. It is stopped after ``most_s`` seconds, because it may have an infinite
+    loop.
 
-    Raises TimeoutError then.
+    Raises TimeoutError if it was stopped.
     """
     import onnxruntime
 
@@ -484,6 +493,6 @@ def run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], 
 
 
 def find_first_line(error: Exception) -> str:
-    """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
+    """Return the first line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

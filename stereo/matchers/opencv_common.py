@@ -1,4 +1,4 @@
-"""Common parts of the matchers of OpenCV."""
+"""Common parts of OpenCV's matchers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import get_matcher_title
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
-#: Options of the search range, which all matchers of OpenCV have.
+#: Options of the search range, which all of OpenCV's matchers have.
 SEARCH_RANGE = (
     Option(
         "disparities",
@@ -42,8 +42,9 @@ SEARCH_RANGE = (
 
 
 def make_filter_options(speckle_range: int) -> tuple[Option, ...]:
-    """The options that reject matches, for block matching and semi-global matching, with the default of
-    ``speckle_range``."""
+    """Make the options that reject matches, for block matching and semi-global matching, with a default of
+    ``speckle_range``.
+    """
     return (
         Option(
             "uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"
@@ -83,7 +84,7 @@ STEPS_PER_PX = 16  # OpenCV's disparities are fixed-point numbers with four frac
 def resolve_range(
     method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with numbers for those in SEARCH_RANGE, and the range that these numbers state.
+    """Return the options with numbers for those in SEARCH_RANGE, and the range that these numbers state.
 
     Raises IcyMoonError if the true disparities are asked for but unknown.
     """
@@ -100,7 +101,7 @@ def resolve_range(
 def require_room(method: str, image: Array, enough: bool, option: str = "") -> None:
     """Raise IcyMoonError unless an image (H, W) is large ``enough`` for a search range and window.
 
-    ``option`` names the options to lower; by default disparities and window.
+    ``option`` names the options that the user can lower; by default disparities and window.
     """
     if not enough:
         option = option or f"disparities or {method}.window"
@@ -119,11 +120,12 @@ def run_matcher(
     columns: tuple[int, int],
     rows: tuple[int, int],
 ) -> Array:
-    """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where no reliable match was found.
+    """Run an OpenCV matcher; return the disparity, float32 (H, W) px, NaN where no reliable match was found.
 
     ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie inside the images.
+
     OpenCV marks a failed match by one less than the lowest disparity, which may look like a far surface. To the left of
-    ``columns`` its values are random and depend on the number of threads, so it runs with one.
+    ``columns`` its values are random and depend on the number of threads, so it runs with one thread.
     """
     cv2.setNumThreads(1)
     try:
@@ -140,15 +142,14 @@ def run_matcher(
 
 
 def extend_left(image: Array, columns: int) -> Array:
-    """The image, extended to the left by repeating its border.
+    """Extend an image to the left by repeating its border.
 
-    OpenCV skips every column that cannot be searched over the whole range; these are a seventh of the GUISS paper's
-    images. An extended image has no such column. A match in the extension is no match, see
-    ``drop_matches_outside_right``.
+    OpenCV skips every column that cannot be searched over the whole range, a seventh of the GUISS paper's images. An
+    extended image has no such column. A match in the extension does not count, see ``drop_matches_outside_right``.
     """
     return cv2.copyMakeBorder(image, 0, 0, columns, 0, cv2.BORDER_REPLICATE)
 
 
 def drop_matches_outside_right(disparity: Array) -> Array:
-    """Replace matches to the left of the right image by NaN in a disparity map (H, W), px."""
+    """Replace matches beyond the left border of the right image by NaN in a disparity map (H, W), px."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

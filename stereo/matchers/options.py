@@ -1,4 +1,4 @@
-"""The options of matchers: each is declared once, and its value, which may be text, is checked before anything runs."""
+"""The options of matchers. Each is declared once; its value, which may be text, is checked before anything runs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ class Option:
     """One option: a whole number (any number if the default is a float), one of ``choices``, or text.
 
     With ``words`` it is a whole number or one of these words. ``opencv`` is its name in OpenCV's manual, which is
-    accepted too. An option that is text must be one of ``trust_boundary.LOADING_OPTIONS``, which no scene or file may
-    set.
+    accepted too. A text option must be one of ``trust_boundary.LOADING_OPTIONS``, which no scene or file may set.
     """
 
     key: str
@@ -53,7 +52,7 @@ class Option:
 def resolve_options(
     method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]], given: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """All options of a matcher: the defaults, overridden by a ``preset``, then by the other ``given`` options.
+    """Resolve all options of a matcher: the defaults, overridden by a ``preset``, then by the other ``given`` options.
 
     Values may be text. Raises IcyMoonError for an unknown option or preset, or a bad value.
     """

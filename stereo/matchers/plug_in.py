@@ -1,4 +1,4 @@
-"""A matcher with ``match``, ours or of an installed package, with the interface of the other modules here."""
+"""A matcher with ``match``, ours or from an installed package, with the interface of the other modules here."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ class PluginMatcher:
     def settle(
         self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
     ) -> tuple[dict[str, Any], SearchRange | None]:
-        """The options with a search range in numbers, and this range; None if the matcher has no range."""
+        """Return the options with a search range in numbers, and this range; None if the matcher has no range."""
         if not self._searches:
             return options, None
         return resolve_range(self.plugin.name, options, ranges)
 
     def compute(self, left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-        """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
+        """Compute the disparity of uint8 images with the plug-in. Raises IcyMoonError if it fails."""
         least, most = 0, 0
         if self._searches:
             least = options["min_disparity"]
@@ -96,7 +96,9 @@ class PluginMatcher:
         return Result(disparity, facts=facts, confidence=confidence)
 
     def _read_confidence(self, values: object, *more: object) -> Confidence | None:
-        """The third value that ``match`` returned, of the kind that the plug-in states as CONFIDENCE."""
+        """Read the third value that ``match`` returned, as the kind that the plug-in states as CONFIDENCE; None without
+        a value. Raises IcyMoonError for more values or an unknown kind.
+        """
         kind = getattr(self.loaded, "CONFIDENCE", CONFIDENCE)
         if more:
             raise IcyMoonError(
@@ -109,7 +111,9 @@ class PluginMatcher:
         return None if values is None else Confidence(values, kind)
 
     def check(self, options: dict[str, Any]) -> None:
-        """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot run here."""
+        """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns. No sentence means that the
+        plug-in can run here.
+        """
         if fault := self._call_function("check", options):
             raise IcyMoonError(f"{self.plugin.title} cannot run here: {show_controls(str(fault))}")
 
@@ -123,18 +127,19 @@ class PluginMatcher:
             return act(_declared_options(options)) if callable(act) else None
 
     def files(self, options: dict[str, Any]) -> list[str]:
-        """The files that determine the result: the source of an installed plug-in; a built-in one has Icy Moon's
-        version."""
+        """List the files that determine the result: the source of an installed plug-in. A built-in one has none,
+        because Icy Moon's version covers it.
+        """
         return [] if self.plugin.built_in else find_source_files(self.loaded)
 
 
 def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The options that a plug-in declared."""
+    """Return the options that a plug-in declared itself."""
     return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED_OPTIONS})
 
 
 def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
-    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is not a disparity map of this
+    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError unless it is a disparity map of this
     shape.
     """
     if not isinstance(found, np.ndarray):
@@ -157,7 +162,7 @@ def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Ar
 
 
 def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> dict[str, dict[str, Any]]:
-    """The named sets of options that a plug-in declares. Raises IcyMoonError for an invalid set."""
+    """Read the named sets of options that a plug-in declares. Raises IcyMoonError for an invalid set."""
     if not isinstance(stated, Mapping) or not all(isinstance(chosen, Mapping) for chosen in stated.values()):
         raise IcyMoonError(
             f'{plugin.title} has PRESETS that are not dictionaries; write PRESETS = {{"fine": {{"window": 3}}}}.'
@@ -170,7 +175,7 @@ def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> d
 
 
 def read_options(plugin: Plugin, stated: object) -> list[Option]:
-    """The options that a plug-in declares. Raises IcyMoonError for an invalid declaration."""
+    """Read the options that a plug-in declares. Raises IcyMoonError for an invalid declaration."""
     if not isinstance(stated, Mapping):
         raise IcyMoonError(
             f'{plugin.title} has OPTIONS that are not a dictionary; write OPTIONS = {{"window": '

@@ -43,8 +43,8 @@ def check(options: dict[str, Any]) -> None:
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], None]:
-    """The options, with the range of disparities that the rig can see as ``range_px`` if it is known. The program may
-    ignore it.
+    """Return the options, with the range of disparities that the rig can see as ``range_px`` if it is known, and None.
+    The program may ignore the range.
     """
     seen = ranges.get(AUTO)
     return options | ({"range_px": [seen.least_px, seen.most_px]} if seen else {}), None
@@ -56,12 +56,12 @@ def load(options: dict[str, Any]) -> None:
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images with the program."""
     return match_with_resident(_make_program(options), left, right, camera, options.get("range_px"))
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """Paths on which the result may depend: the program and its arguments."""
+    """List the paths on which the result may depend: the program and its arguments."""
     return _split_command(options)
 
 

@@ -7,9 +7,9 @@ then prints ``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"
 ``confidence`` as npy; then its answer has ``"confidence"`` with the kind of its numbers, see ``result``. Other output
 is not a message. Its standard input ends when this process ends, however that happens.
 
-If a program dies or does not answer in time, this pair fails and the program is started again for the next one, but
-not after three such failures in a row. The first pair is computed twice, since libraries and GPUs do much of their
-work only once; the time of the first run is stated apart.
+If a program dies or does not answer in time, this pair fails and the program is started again for the next one, but not
+after three such failures in a row. The first pair is computed twice, because libraries and GPUs do much of their work
+only once; the time of the first run is stated apart.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ADAPTERS = Path(__file__).parents[1] / "adapters"
 CAMERA_KEYS = ("focal_px", "cx_px", "cy_px", "baseline_m")
 #: Failures in a row after which a program is not started again.
 _MAX_FAILURES = 3
-#: Seconds between looks for an answer, and seconds to end by itself.
+#: Seconds between two checks for an answer, and seconds in which a program may end by itself.
 _POLL_S, _GRACE_S = 0.25, 2.0
 #: Limits of answers: bytes of a line, lines that wait to be read, number of facts, and characters of a fact.
 _LONGEST_LINE, _MAX_LINES, _MAX_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
@@ -65,14 +65,16 @@ class Program:
 
 
 class _ProgramError(Exception):
-    """The fault of a program, in words that follow its name."""
+    """The fault of a program, worded to follow its name."""
 
 
 class _Resident:
-    """A matcher's program that was started and answers pairs."""
+    """A running program of a matcher that answers pairs."""
 
     def __init__(self, program: Program) -> None:
-        """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
+        """Start the program and wait until it is ready. Raises _ProgramError if it fails, and IcyMoonError if there is
+        no temporary folder.
+        """
         self._program, self._folder = program, make_scratch_folder()
         self._lines: queue.Queue[bytes] = queue.Queue(_MAX_LINES)
         self._stray, self._id = "", 0
@@ -106,7 +108,9 @@ class _Resident:
         self._warm = False
 
     def compute(self, left: Array, right: Array, camera: StereoCamera | None, range_px: Sequence[int] | None) -> Result:
-        """The disparity of a pair. Raises _ProgramError, and IcyMoonError for an error that the program reports."""
+        """Compute the disparity of a pair. Raises _ProgramError if the program fails, and IcyMoonError for an error
+        that it reports.
+        """
         if not self._warm:
             begun = time.monotonic()
             self._ask(left, right, camera, range_px, self._program.start_s + self._program.timeout_s)
@@ -141,7 +145,9 @@ class _Resident:
         range_px: Sequence[int] | None,
         limit_s: float,
     ) -> tuple[Array, Confidence | None, dict[str, Any], float]:
-        """Request a pair from the program: the disparity, its confidence, its answer, and the elapsed seconds."""
+        """Request a pair from the program; return the disparity, its confidence, the answer, and the elapsed
+        seconds.
+        """
         self._id += 1
         paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out", "confidence")}
         try:
@@ -175,7 +181,9 @@ class _Resident:
             self._process.stdin.flush()
 
     def _wait_for(self, key: str, limit_s: float) -> dict[str, Any]:
-        """The next message with this key: the hello, or the answer to the last request."""
+        """Wait for the next message with this key: the hello, or the answer to the last request. Raises _ProgramError
+        if none comes in ``limit_s``.
+        """
         end = time.monotonic() + limit_s
         while (left_s := end - time.monotonic()) > 0:
             try:  # in short steps, since Windows cannot interrupt a long wait
@@ -183,7 +191,7 @@ class _Resident:
             except queue.Empty:
                 if self._process.poll() is None:
                     continue
-                line = b""  # a child process of it keeps its output open
+                line = b""  # the program has ended, but a child process keeps its output open
             if not line:
                 raise _ProgramError(self._describe_end("it was ready" if key == "hello" else "it had answered"))
             message = _parse_message(line)
@@ -207,7 +215,7 @@ class _Resident:
         return f"{how} before {before} ({self._read_last_error()}); correct the program."
 
     def _read_last_error(self) -> str:
-        """The last line of its standard error, or else of its output that is not a message."""
+        """Read the last line of the program's standard error, or else of its output that is not a message."""
         return read_last_line(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> Array:
@@ -225,7 +233,7 @@ class _Resident:
             ) from None
 
     def _read_confidence(self, kind: object, path: Path, shape: tuple[int, ...]) -> Confidence | None:
-        """The confidence of the ``kind`` that the answer states; None if it states none."""
+        """Read the confidence of the ``kind`` that the answer states; None if it states none."""
         if kind is None:
             return None
         if kind not in CONFIDENCE_KINDS:
@@ -238,13 +246,13 @@ class _Resident:
     def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
-                self._lines.put(line)  # a full queue makes a program wait that prints without end
+                self._lines.put(line)  # a full queue makes a program that prints without end wait
                 while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
                     line = stream.readline(_LONGEST_LINE)  # the rest of a line that is not a message
         self._lines.put(b"")
 
     def stop(self, grace_s: float) -> None:
-        """Give the program some time to end by itself, then end it with all processes that it has started."""
+        """Give the program some time to end by itself, then end it and all processes that it has started."""
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.close()
@@ -259,7 +267,7 @@ class _Resident:
 
 
 _running: dict[Program, _Resident] = {}
-#: Failures in a row of each program, and the last one.
+#: The number of failures in a row of each program, and its last failure.
 _failed: dict[Program, tuple[int, str]] = {}
 
 
@@ -284,7 +292,8 @@ def match_with_resident(
     camera: StereoCamera | None,
     range_px: Sequence[int] | None = None,
 ) -> Result:
-    """The disparity of uint8 RGB (H, W, 3) images; ``range_px`` are the least and the greatest to expect, if known.
+    """Compute the disparity of uint8 RGB (H, W, 3) images; ``range_px`` are the least and the greatest disparity to
+    expect, if known.
 
     Raises IcyMoonError if the program fails.
     """

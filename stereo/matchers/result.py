@@ -32,14 +32,15 @@ _RULES: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True)
 class Confidence:
-    """A matcher's confidence of each pixel of its disparity map, as the matcher states it: ``values`` of one of the
-    kinds."""
+    """A matcher's confidence in each pixel of its disparity map, as the matcher states it: ``values`` of one of the
+    kinds.
+    """
 
     values: object  # (H, W), any number where nothing was measured
     kind: str = CONFIDENCE
 
     def check(self, who: str, valid: Array) -> Array:
-        """The confidence, float32 (H, W) from 0 to 1, 0 where not ``valid``.
+        """Check the values, and return the confidence, float32 (H, W) from 0 to 1, 0 where not ``valid``.
 
         Raises IcyMoonError, which begins with ``who``, for another shape, and for a value of a valid pixel that is not
         a number or not in the range of its kind.
@@ -83,4 +84,4 @@ class Result:
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
     facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance
     costs: dict[str, float] = field(default_factory=dict)  # costs of another process, by names from metrics.COSTS
-    confidence: Confidence | None = None  # of each pixel, if the matcher states one
+    confidence: Confidence | None = None  # confidence in each pixel, if the matcher states one

@@ -43,11 +43,13 @@ class SearchRange:
     source: str
 
     def to_json(self, true_disparity: Array) -> dict[str, Any]:
-        """The ``search`` of a row, with the share of true disparities that it ``missed``."""
+        """Return the ``search`` entry of a row, with the share of true disparities that the range ``missed``."""
         return {**asdict(self), "missed": self.missed(true_disparity)}
 
     def missed(self, true_disparity: Array) -> float | None:
-        """Share of true disparities, px, without a searched disparity next to them; None if all of them are NaN."""
+        """Return the share of true disparities, px, without a searched disparity within half a pixel; None if all of
+        them are NaN.
+        """
         known = true_disparity[np.isfinite(true_disparity)]
         if not known.size:
             return None
@@ -55,7 +57,7 @@ class SearchRange:
 
 
 def find_rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
-    """The disparities in view of the rig of the settings, from its pose; None without ground in view.
+    """Find the disparities that the rig of the settings has in view, from its pose; None without ground in view.
 
     If the settings describe the whole scene, the near end follows from the described ground and rocks (SETTINGS).
     Otherwise relief may reach half of the camera's height (RIG).
@@ -69,7 +71,7 @@ def find_rig_range(settings: Settings, described: bool = True) -> SearchRange | 
 
 
 def find_true_range(true_disparity: Array) -> SearchRange | None:
-    """The range that encloses all true disparities (H, W), px; None if all are unknown."""
+    """Find the range that encloses all true disparities (H, W), px; None if all are unknown."""
     known = true_disparity[np.isfinite(true_disparity)]
     if not known.size:
         return None
@@ -80,7 +82,7 @@ def find_true_range(true_disparity: Array) -> SearchRange | None:
 def find_known_ranges(
     settings: Settings | None, true_disparity: Array | None, by_hand: bool = False
 ) -> dict[str, SearchRange]:
-    """The ranges of AUTO and TRUTH, if known, for ``match``.
+    """Find the ranges of AUTO and TRUTH, if known, for ``match``.
 
     ``settings`` are the pair's settings, which do not describe the whole scene if it was edited ``by_hand``.
     ``true_disparity`` is NaN where only one eye sees the point.
@@ -93,7 +95,7 @@ def find_known_ranges(
 
 
 def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
-    """The range that an option names by AUTO or TRUTH; for AUTO without a known rig, a range of fixed size.
+    """Return the range that an option names by AUTO or TRUTH; for AUTO without a known rig, a range of fixed size.
 
     Raises IcyMoonError if the true disparities are asked for and not known.
     """
@@ -114,8 +116,8 @@ def refuse_true_range(options: Mapping[str, Any], whose: str) -> None:
 
 
 def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
-    """Disparities from a multiple of STEP_PX on, a multiple of it many, that enclose both values, with fewer than the
-    image has columns.
+    """Return a range that encloses both values. It starts at a multiple of STEP_PX, and its number of disparities is a
+    multiple too. No disparity reaches the number of columns of the image.
     """
     high = min(math.ceil(high_px), width_px - 1)
     least = max(0, STEP_PX * math.floor(min(low_px, high) / STEP_PX))

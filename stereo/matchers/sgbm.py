@@ -53,7 +53,7 @@ OPTIONS = (
 
 PRESETS: dict[str, dict[str, Any]] = {}
 
-#: Modes that keep the costs of the whole image, the bytes of one cost, and the memory for all.
+#: Modes that keep the costs of the whole image in memory, the bytes of one cost, and the most bytes for all costs.
 _WHOLE_IMAGE_MODES, _COST_BYTES, _MAX_COST_BYTES = ("hh", "hh4"), 4, 1e9
 #: Rows beyond a strip of the image from which its paths may come. With 64, strips change no pixel in ten thousand.
 _STRIP_MARGIN_ROWS = 64
@@ -69,12 +69,12 @@ _MODE_CODES = {
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with a search range in numbers, and this range."""
+    """Return the options with a search range in numbers, and this range."""
     return resolve_range("sgbm", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
+    """Compute the disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least = options["min_disparity"]
     matcher = make_semi_global_matcher("sgbm", options)
     matcher.setUniquenessRatio(options["uniqueness"])
@@ -95,7 +95,9 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def make_semi_global_matcher(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
-    """OpenCV's matcher with the options of ``SEARCH_OPTIONS``; it rejects no match."""
+    """Make OpenCV's matcher with the options of ``SEARCH_OPTIONS``; it rejects no match. Raises IcyMoonError unless p2
+    is above p1.
+    """
     area = options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
     if small_step >= large_step:
@@ -120,7 +122,7 @@ class StripMatcher:
     mode: str
 
     def compute(self, image: Array, other: Array) -> Array:
-        """OpenCV's fixed-point disparities of ``image``."""
+        """Compute OpenCV's fixed-point disparities of ``image``."""
         height, width = image.shape
         rows = int(_MAX_COST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
         if self.mode not in _WHOLE_IMAGE_MODES or rows >= height:
@@ -135,11 +137,11 @@ class StripMatcher:
 
 
 def remove_rounding_bias(disparity: Array) -> Array:
-    """Disparity without the bias of OpenCV's rounding.
+    """Remove the bias of OpenCV's rounding from a disparity, px.
 
     The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates toward zero. So
-    negative offsets are one sixteenth too large, and half of those that are 0 should be one less. On a textured plane
-    this is a bias of +0.025 px.
+    negative offsets are one sixteenth too large, and half of the offsets that are 0 should be one less. On a textured
+    plane this is a bias of +0.025 px.
     """
     sixteenth = np.mod(np.round(disparity * STEPS_PER_PX), STEPS_PER_PX)
     excess = np.where(sixteenth >= STEPS_PER_PX // 2, 1.0, np.where(sixteenth == 0, 0.5, 0.0)) / STEPS_PER_PX

@@ -51,13 +51,14 @@ PRESETS: dict[str, dict[str, Any]] = {}
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with a search range in numbers, and this range."""
+    """Return the options with a search range in numbers, and this range."""
     return resolve_range("sgbm_wls", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images; the confidence of OpenCV's filter is 0 where the disparity was filled in. It is
-    also the array ``confidence``, uint8, from 0 to 255."""
+    """Compute the disparity of uint8 (H, W) images. The confidence of OpenCV's filter is 0 where it filled in the
+    disparity; the array ``confidence`` holds it as uint8, from 0 to 255.
+    """
     cv2.setNumThreads(1)
     matcher = make_semi_global_matcher("sgbm_wls", options)
     filtering = cv2.ximgproc.createDisparityWLSFilter(matcher)
@@ -86,7 +87,9 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def _match_in_mode(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:
-    """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
+    """Compute disparities in OpenCV's 1/16 px, float32. Where matching failed they are OpenCV's mark, which its filter
+    needs.
+    """
     fixed = StripMatcher(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * STEPS_PER_PX
     return np.where(measured, remove_rounding_bias(fixed / STEPS_PER_PX) * STEPS_PER_PX, fixed).astype(np.float32)

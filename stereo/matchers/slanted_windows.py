@@ -25,10 +25,10 @@ _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 
 
 def refine_subpixel(left: Array, right: Array, disparity: Array, window: int, steps: int) -> Array:
-    """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
+    """Refine a disparity that is right to about half a pixel; return float64 (H, W) px, NaN where invalid.
 
     ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the fitted square. Without a fit, for example
-    near the border, the given disparity stays.
+    near the border, the given disparity is kept.
     """
     half = window // 2
     height, width = disparity.shape
@@ -54,7 +54,9 @@ def refine_subpixel(left: Array, right: Array, disparity: Array, window: int, st
 
 
 def _find_inverse_normal_matrices(gradient: Array, half: int) -> Array:
-    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; NaN if the matrix is singular."""
+    """Find the inverse of Σ g² [1 u v]ᵀ[1 u v] over the window of every pixel, (3, 3, H, W); NaN if the matrix is
+    singular.
+    """
     offsets = np.arange(-half, half + 1.0)
     ones = np.ones_like(offsets)
     power = gradient.astype(np.float64) ** 2
@@ -78,7 +80,9 @@ def _find_inverse_normal_matrices(gradient: Array, half: int) -> Array:
 
 
 def _interpolate_rows(image: Array) -> Array:
-    """(H, W * _SAMPLES_PER_PX): the rows of an image at _SAMPLES_PER_PX points per pixel, by the Lanczos kernel."""
+    """Interpolate the rows of an image at _SAMPLES_PER_PX points per pixel, by the Lanczos kernel; return (H, W *
+    _SAMPLES_PER_PX).
+    """
     height, width = image.shape
     padded = np.pad(image, ((0, 0), (_LANCZOS_LOBES - 1, _LANCZOS_LOBES)), mode="edge")
     fine = np.zeros((height, width, _SAMPLES_PER_PX), np.float32)

@@ -42,7 +42,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 
 def check(options: dict[str, Any]) -> None:
-    """Raise IcyMoonError unless the Python and a checkpoint that is named exist."""
+    """Raise IcyMoonError unless the Python exists, and the checkpoint too if one is named."""
     for key, example in (("python", "/path/to/python"), ("model", "raft-stereo")):
         if not options[key]:
             raise IcyMoonError(f"stereo_matching.{key} is empty; give it, as in {key}={example}.")
@@ -59,7 +59,7 @@ def load(options: dict[str, Any]) -> None:
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
+    """Compute the disparity of uint8 RGB (H, W, 3) images, everywhere."""
     return match_with_resident(_make_program(options), left, right, camera)
 
 

@@ -1,4 +1,4 @@
-"""The time and memory of a matcher: of the matching alone, without reading the images and loading a network."""
+"""The time and memory of a matcher, for the matching alone: without reading the images and loading a network."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ Compute = Callable[[Array, Array, Mapping[str, Any], StereoCamera | None], Resul
 def match_timed(
     compute: Compute, left: Array, right: Array, options: Mapping[str, Any], camera: StereoCamera | None
 ) -> tuple[Result, dict[str, float | None]]:
-    """The result of a matcher's ``compute``, and its ``COSTS``: ``seconds`` of CPU time, including programs that it
-    started and waited for (except on Windows), ``wall_seconds``, and the costs that the matcher states itself instead,
-    such as the costs of a resident program. A cost is None where it is unknown.
+    """Run a matcher's ``compute``; return its result and its ``COSTS``.
+
+    ``seconds`` of CPU time include programs that the matcher started and waited for (except on Windows), and
+    ``wall_seconds`` are measured too. Costs that the matcher states itself replace them, such as those from a resident
+    program. A cost is None where it is unknown.
     """
     cpu, wall = _read_cpu_seconds(), time.perf_counter()
     result = compute(left, right, options, camera)
@@ -30,6 +32,8 @@ def match_timed(
 
 
 def _read_cpu_seconds() -> float:
-    """CPU seconds of this process and of the programs that it has waited for (Windows does not count these)."""
+    """Read the CPU seconds of this process and of the programs that it has waited for (Windows does not count
+    these).
+    """
     children = os.times()
     return time.process_time() + children.children_user + children.children_system

@@ -19,7 +19,7 @@ _READ_BYTES, _MAX_SHOWN = 65536, 300
 
 
 def read_array(path: Path, shape: tuple[int, ...]) -> Array:
-    """The numbers of a file in numpy's format, for images of a shape; read-only, of any type.
+    """Read the numbers of a file in numpy's format, for images of a shape. The array is read-only and of any type.
 
     Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.
     """
@@ -35,8 +35,9 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
 
 
 def read_written_array(program: str, what: str, path: Path, shape: tuple[int, ...]) -> Array:
-    """The numbers that a ``program`` has written, see ``read_array``. Raises IcyMoonError, naming the program and
-    ``what`` they are, if they are missing or damaged."""
+    """Read the numbers that a ``program`` has written, see ``read_array``. Raises IcyMoonError, which names the program
+    and ``what`` it should write, if they are missing or damaged.
+    """
     try:
         return read_array(path, shape)
     except FileNotFoundError:
@@ -49,7 +50,7 @@ def read_written_array(program: str, what: str, path: Path, shape: tuple[int, ..
 
 
 def read_last_line(path: Path) -> str:
-    """The last line of a text that a program has written, such as its errors; empty for no text."""
+    """Read the last line of a text that a program has written, such as its errors; "" if there is no text."""
     try:
         lines = read_end(path, _READ_BYTES).decode("utf-8", "replace").splitlines()
     except OSError:
@@ -58,7 +59,7 @@ def read_last_line(path: Path) -> str:
 
 
 def split_arguments(option: str, command: str, example: str) -> list[str]:
-    """The arguments of a command. Raises IcyMoonError, naming the ``option``, if it has none."""
+    """Split a command into its arguments. Raises IcyMoonError, naming the ``option``, if it has none."""
     try:
         arguments = split_command(command)
     except ValueError as error:
@@ -69,6 +70,6 @@ def split_arguments(option: str, command: str, example: str) -> list[str]:
 
 
 def require_program(option: str, name: str) -> None:
-    """Raise IcyMoonError unless there is a program of this name or path on this machine."""
+    """Raise IcyMoonError unless a program with this name or path exists on this machine."""
     if shutil.which(name) is None:
         raise IcyMoonError(f"{option} starts with {name}, which is not a program on this machine; give its whole path.")

@@ -1,1 +1,1 @@
-"""Measuring a disparity map against the truth of its pair."""
+"""Measure a disparity map against the truth of its pair."""

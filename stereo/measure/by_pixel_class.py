@@ -16,9 +16,10 @@ from ...support.arrays import Array
 from ...support.labels import LANDER, ROCK, TERRAIN
 from .metrics import is_usable
 
-#: Sums over the pixels of a class: the number with a true depth; the number of these that are measured; over the
-#: measured ones |depth error| (m), |disparity error| (px), the numbers wrong by more than 1 px and by more than 10 cm,
-#: and metres of depth per px of disparity, Z² / (f·B); then the number within 1 px and their |disparity error|.
+#: Sums over the pixels of a class. ``true`` is the number with a true depth, and ``n`` the number of these that are
+#: measured. Over the measured pixels follow |depth error| (m), |disparity error| (px), the numbers wrong by more than
+#: 1 px and by more than 10 cm, and metres of depth per px of disparity, Z² / (f·B). ``fine`` is the number within 1 px,
+#: and ``fine_epe_px`` the sum of their |disparity error|.
 SUMS = ("true", "n", "l1_m", "epe_px", "bad_1", "l1_rate_10", "m_per_px", "fine", "fine_epe_px")
 
 TEXTURE_WINDOW_PX = 9
@@ -40,14 +41,14 @@ class PixelClassification:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The names of all classes; the first and the last class of a number are open."""
+        """The names of all classes. The first and the last class of a number have no outer bound."""
         if self.names:
             return self.names
         inner = (f"{a:g}–{b:g}" for a, b in zip(self.bounds, self.bounds[1:], strict=False))
         return (f"< {self.bounds[0]:g}", *inner, f"> {self.bounds[-1]:g}")
 
     def of(self, values: Array) -> Array:
-        """The class of each number, -1 for NaN."""
+        """Return the class of each number, -1 for NaN."""
         found = np.zeros(values.shape, np.int8)
         for bound in self.bounds:  # faster than a search for each number
             found += values >= bound
@@ -65,14 +66,15 @@ OCCLUSION = PixelClassification("occlusion", "Visibility", names=("both eyes", "
 MATERIAL = PixelClassification("material", "Material", names=("terrain", "rock", "lander"))
 DEPOSITS = PixelClassification("deposits", "Lens", names=("clean", "deposits"))
 FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL, DEPOSITS)
-#: Least share of the left image's light, of 255, that deposits block at a pixel behind them.
+#: Least blocked light, of 255, of a pixel that counts as behind deposits on the left lens.
 _MIN_BLOCKED = 13
 #: The number of classes by each factor, with one more for pixels without a class.
 _CLASS_COUNTS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
 
 def measure_texture(grey: Array) -> Array:
-    """Root mean square of the gradient along the rows around each pixel, grey levels per px, float64 (H, W).
+    """Measure the root mean square of the gradient along the rows around each pixel, grey levels per px, float64 (H,
+    W).
 
     Matching depends on this gradient: the variance of a disparity is at least 2 σ² / Σ gradient², where σ is the noise
     of the grey levels (Matthies, Kanade and Szeliski 1989).
@@ -86,7 +88,7 @@ def measure_texture(grey: Array) -> Array:
 
 
 def find_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic: Array) -> Array:
-    """Boolean (H, W): no sunlight reaches the pixel.
+    """Find the pixels, bool (H, W), that no sunlight reaches.
 
     Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below
     _SHADOW_SHARE of the radiance of lit ground of their material under the same incidence (Lambert), which follows from
@@ -144,11 +146,13 @@ def classify_pixels(
 class ClassCells:
     """The pixels with a true depth, grouped by their classes by all factors together.
 
-    So a number is summed once over the pixels, and not once for each factor.
+    A number is then summed over the pixels once, and not once for each factor.
     """
 
     def __init__(self, classes: Mapping[str, Array], known: Array) -> None:
-        """``classes``: see ``classify_pixels``; ``known``, Boolean (H, W), the pixels that have a true depth."""
+        """Group the pixels that have a true depth, ``known`` (H, W), bool, by their ``classes``, see
+        ``classify_pixels``.
+        """
         cell = np.zeros(int(known.sum()), np.int32)
         for factor, count in zip(FACTORS, _CLASS_COUNTS, strict=True):
             cell *= count
@@ -170,7 +174,8 @@ def sum_by_class(
     true_disparity: Array,
     doffs_px: float = 0.0,
 ) -> dict[str, dict[str, list[float]]]:
-    """SUMS per class of every factor of ``classify_pixels``: {factor: {sum: a number per class}}.
+    """Compute the SUMS of each class of every factor of ``classify_pixels``; return {factor: {sum: a number per
+    class}}.
 
     The arrays (pixels,) are of the pixels of ``cells``. ``doffs_px``: see ``StereoCamera``.
     """
@@ -201,7 +206,7 @@ def sum_by_class(
 
 
 def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[str, Any]:
-    """The sums over two sets of pixels together; ``one`` may be None for no pixels."""
+    """Add the sums over two sets of pixels; ``one`` may be None for no pixels."""
     if one is None:
         return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}
     return {

@@ -1,4 +1,4 @@
-"""Errors of two methods on the pixels that both measured, the only ones on which their errors can be compared.
+"""Errors of two methods on the pixels that both measured; only on these can their errors be compared.
 
 The pixels are common to two methods, not to all of them: a method that measures few pixels does not restrict the
 comparisons of the others.
@@ -18,7 +18,7 @@ from .prepare_pair import PreparedPair, none_if_not_finite
 
 #: The metrics, all of which are means over pixels or functions of such means; ``metrics`` defines them.
 METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")
-#: Prefix -> the subset of the common pixels that counts.
+#: Prefix -> the subset of the common pixels over which its metrics are averaged.
 REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
 #: The numbers of a method beside another method; ``n`` is the number of common pixels.
 NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
@@ -27,7 +27,8 @@ NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
 def measure_common_pixels(
     prepared: PreparedPair, disparities: Mapping[str, Array]
 ) -> dict[str, dict[str, dict[str, Any]]]:
-    """``NUMBERS`` of each method on the pixels that it shares with each other method, by the labels of both.
+    """Measure ``NUMBERS`` of each method on the pixels that it shares with each other method; return them by the labels
+    of both.
 
     An undefined number is None.
     """
@@ -49,7 +50,7 @@ def measure_common_pixels(
 
 
 def _make_error_terms(prepared: PreparedPair, disparity: Array, truth: Array, measured: Array) -> Array:
-    """The terms that are averaged over pixels (terms, pixels); 0 where nothing was measured."""
+    """Make the terms that are averaged over pixels (terms, pixels); 0 where nothing was measured."""
     camera = prepared.pair.camera
     true_disparity = camera.disparity(truth)
     disparity = np.where(measured, disparity, true_disparity)

@@ -1,8 +1,8 @@
-"""Measures how well a matcher's confidence predicts its errors: order, calibration, and coverage at a stated error.
+"""Measure how well a matcher's confidence predicts its errors: order, calibration, and coverage at a stated error.
 
-The pixels are all that were measured and have a true disparity, also those that the right eye does not see: a
-confidence should predict these errors too. Only the order of confidences matters, except in the calibration. Pixels of
-equal confidence count as in a random order: each has their mean error, so no number depends on the order of the image.
+All pixels count that were measured and have a true disparity, also those that the right eye does not see: a confidence
+should predict these errors too. Only the order of confidences matters, except in the calibration. Pixels of equal
+confidence count as in a random order: each has their mean error, so no number depends on the order of the image.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from ...support.arrays import Array
 from .metrics import KEPT_SHARES, is_usable
 from .prepare_pair import none_if_not_finite
 
-#: Measures of confidence: the matcher's own, and those that any matcher may be given, each with its name in a table.
+#: Measures of confidence: the matcher's own, and two that work with any matcher.
 OWN, LEFT_RIGHT, SWEEP = "own", "left_right", "sweep"
 MEASURES = {OWN: "own", LEFT_RIGHT: "left-right", SWEEP: "plane sweep"}
 #: The numbers of a measure; see ``measure_confidence``.
 CONFIDENCE_METRICS = ("ause", "ece", "coverage_at_bad_2", "bad_2_at_90")
 #: Numbers of a measure that are shares, from 0 to 1.
 CONFIDENCE_SHARES = ("ece", "coverage_at_bad_2", "bad_2_at_90")
-#: A measurement is right within this, px; see ``calibration``.
+#: Largest error, px, of a right measurement; see ``calibration``.
 RIGHT_PX = 1.0
-#: Error, px, above which a measurement is bad; the largest share of bad ones, and the share of true pixels that is
-#: kept.
+#: Error, px, above which a measurement is bad; the largest accepted share of bad measurements, and the share of true
+#: pixels that is kept.
 BAD_PX, MAX_BAD_SHARE, KEPT_COVERAGE = 2.0, 0.03, 0.90
 #: Classes of equal width of the calibration (Guo et al. 2017).
 CALIBRATION_CLASSES = 15
-#: Sums over the pixels of a class: pixels, right ones, and confidences.
+#: Sums over the pixels of a class: all pixels, right pixels, and confidences.
 CALIBRATION_SUMS = ("n", "right", "confidence")
 
 
 @dataclass(frozen=True)
 class _Ordered:
-    """Measurements from the surest on: the number of them up to the end of each group of equal confidence, from 0, and
-    the sums of their errors in px and of the bad ones up to there.
+    """Cumulative sums over measurements in the order of falling confidence: at the end of each group of equal
+    confidence, and at 0, the number of measurements, the sum of their errors in px, and the number of bad ones.
 
-    Within a group the sums grow evenly, which is their mean over all random orders of the group.
+    Between these ends the sums are interpolated linearly, which is their mean over all random orders of a group.
     """
 
     ends: Array
@@ -57,15 +57,17 @@ class _Ordered:
         return cls(np.append(0, last + 1), *(np.append(0, each) for each in sums))
 
     def sum_errors(self, kept: Array) -> Array:
-        """The sum of the errors of the surest measurements, for numbers of them."""
+        """Return the sum of the errors, px, of the ``kept`` surest measurements."""
         return np.interp(kept, self.ends, self.errors_px)
 
 
 def make_confidence_entries(
     disparity: Array, true_disparity: Array, confidences: Mapping[str, Array]
 ) -> dict[str, dict[str, Any]]:
-    """The entries of a row on its confidences, see ``measure_confidence``: ``confidence``, the metrics by measure, None
-    where undefined, and ``confidence_curves``, the rest by measure. Without confidences there are none."""
+    """Make the entries of a row on its confidences, see ``measure_confidence``; {} without confidences.
+
+    ``confidence`` has the metrics by measure, None where undefined, and ``confidence_curves`` the rest by measure.
+    """
     found = measure_confidence(disparity, true_disparity, confidences)
     if not found:
         return {}
@@ -81,12 +83,12 @@ def make_confidence_entries(
 
 
 def list_confidence_columns(measures: Collection[str]) -> list[str]:
-    """The columns of a table with these measures, such as ``own_ause``."""
+    """List the columns of a table with these measures, such as ``own_ause``."""
     return [f"{name}_{key}" for name in MEASURES if name in measures for key in CONFIDENCE_METRICS]
 
 
 def list_confidence_numbers(row: Mapping[str, Any]) -> dict[str, float | None]:
-    """The numbers of a row by the names of ``list_confidence_columns``; None where undefined."""
+    """Return the numbers of a row by the names of ``list_confidence_columns``; None where undefined."""
     return {
         f"{measure}_{key}": value
         for measure, values in row.get("confidence", {}).items()
@@ -97,20 +99,21 @@ def list_confidence_numbers(row: Mapping[str, Any]) -> dict[str, float | None]:
 def measure_confidence(
     disparity: Array, true_disparity: Array, confidences: Mapping[str, Array]
 ) -> dict[str, dict[str, Any]]:
-    """Measure confidences (H, W), 0 to 1 and the higher the surer, of a disparity map (H, W) in px.
+    """Measure confidences (H, W) of a disparity map (H, W) in px, from 0 to 1, higher where surer.
 
-    Returns, by the name of each confidence, ``CONFIDENCE_METRICS`` (NaN where undefined), the ``curve``, which is the
-    mean error of the surest measurements for each of KEPT_SHARES, with ``best``, the curve in the order of the
-    errors themselves, and the ``calibration``, see ``sum_by_confidence``. The metrics:
+    Return, by the name of each confidence, ``CONFIDENCE_METRICS`` (NaN where undefined), a ``curve``, ``best`` and the
+    ``calibration``, see ``sum_by_confidence``. The ``curve`` is the mean error of the surest measurements for each of
+    KEPT_SHARES; ``best`` is this curve in the order of the errors themselves. The metrics:
 
-    * ``ause``: area under the sparsification error (Ilg et al. 2018): the mean, over the number of the kept
-      measurements, of their mean error in the order of the confidence less the same in the order of the errors, over
-      the mean error of all. 0 is ideal; a confidence without information has 1 less the ideal area;
+    * ``ause``: area under the sparsification error (Ilg et al. 2018). This error is the mean error of the kept
+      measurements in the order of the confidence, less the same in the order of the errors. ``ause`` is its mean over
+      the number of kept measurements, over the mean error of all. 0 is ideal; a confidence without information has 1
+      less the ideal area;
     * ``ece``: expected calibration error (Guo et al. 2017), with ``RIGHT_PX``;
-    * ``coverage_at_bad_2``: the largest share of the true pixels that is kept by a limit of the confidence with at
-      most ``MAX_BAD_SHARE`` of the kept ones off by more than 2 px;
-    * ``bad_2_at_90``: the share of the surest measurements, as many as 90 % of the true pixels, that is off by more
-      than 2 px; NaN if fewer are measured.
+    * ``coverage_at_bad_2``: the largest share of the true pixels that a limit of the confidence keeps, if at most
+      ``MAX_BAD_SHARE`` of the kept pixels are off by more than 2 px;
+    * ``bad_2_at_90``: the share of pixels off by more than 2 px among the surest measurements, as many as 90 % of the
+      true pixels; NaN if fewer are measured.
     """
     known = is_usable(true_disparity)
     measured = known & is_usable(disparity)
@@ -135,7 +138,7 @@ def measure_confidence(
 
 
 def keep_shares(sum_errors: Callable[[Array], Array], measured: int) -> list[float]:
-    """The mean error of the first measurements, for each of KEPT_SHARES of them; empty without measurements."""
+    """Return the mean error of the first measurements, for each of KEPT_SHARES of them; [] without measurements."""
     if not measured:
         return []
     kept = np.array([max(1, round(share * measured)) for share in KEPT_SHARES])
@@ -143,8 +146,9 @@ def keep_shares(sum_errors: Callable[[Array], Array], measured: int) -> list[flo
 
 
 def compute_ause(ordered: _Ordered, best_sums: Array) -> float:
-    """Compute the area under the sparsification error, see ``measure_confidence``, from sums of the errors in ascending
-    order; NaN without an error above 0."""
+    """Compute the area under the sparsification error, see ``measure_confidence``; NaN if no error is above 0.
+    ``best_sums`` are the cumulative sums of the errors in ascending order.
+    """
     if not best_sums.size or not best_sums[-1] > 0:
         return float("nan")
     kept = np.arange(1, best_sums.size + 1)
@@ -168,7 +172,9 @@ def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:
 
 
 def sum_by_confidence(errors: Array, confidence: Array) -> dict[str, list[float]]:
-    """CALIBRATION_SUMS of measurements with errors in px, by CALIBRATION_CLASSES of their confidence from 0 to 1."""
+    """Compute the CALIBRATION_SUMS of measurements with errors in px, by CALIBRATION_CLASSES of their confidence from 0
+    to 1.
+    """
     place = np.clip((confidence * CALIBRATION_CLASSES).astype(int), 0, CALIBRATION_CLASSES - 1)
     sums = (np.ones(errors.size), errors <= RIGHT_PX, confidence)
     return {
@@ -178,14 +184,15 @@ def sum_by_confidence(errors: Array, confidence: Array) -> dict[str, list[float]
 
 
 def add_calibration(one: Mapping[str, Sequence[float]] | None, other: Mapping[str, Sequence[float]]) -> dict[str, Any]:
-    """The sums of the pixels of both; ``one`` may be missing."""
+    """Add the calibration sums of two sets of pixels; ``one`` may be None."""
     if one is None:
         return {name: list(values) for name, values in other.items()}
     return {name: np.add(one[name], other[name]).tolist() for name in CALIBRATION_SUMS}
 
 
 def compute_calibration_error(sums: Mapping[str, Sequence[float]]) -> float:
-    """The expected calibration error: the mean, over pixels, of the difference between the mean confidence of their
-    class and the share of right measurements in it (Guo et al. 2017). NaN without pixels."""
+    """Compute the expected calibration error (Guo et al. 2017): the mean, over pixels, of the difference between the
+    mean confidence of their class and the share of right measurements in it. NaN without pixels.
+    """
     n, right, confidence = (np.asarray(sums[name], np.float64) for name in CALIBRATION_SUMS)
     return float(np.abs(right - confidence).sum() / n.sum()) if n.sum() else float("nan")

@@ -1,4 +1,4 @@
-"""Depth order disagreement, exactly, over all pairs of pixels.
+"""Depth order disagreement, exact, over all pairs of pixels.
 
 Two depths are ordered with a tolerance τ: ord(a, b) is +1 if a / b > 1 + τ, -1 if a / b < 1 - τ, else 0. The
 disagreement is the share of the N (N - 1) ordered pairs (i, j), i ≠ j, for which ord(truth_i, truth_j) differs from
@@ -12,8 +12,8 @@ label +1 or 0, i disagrees with |U| + |U'| + |P ∩ U'| + |U ∩ P'| - 2 |P ∩ 
 prediction. ``_PrefixCounts`` counts the pixels that two prefixes share.
 
 The thresholds come from the same divisions as the definition. These are monotone in floating point, so the result
-equals the double loop's, also for ties and for ratios of exactly 1 + τ, which occur with quantised disparities
-(6.3125 / 6.25).
+equals the double loop's. This holds also for ties and for ratios of exactly 1 + τ, which occur with quantised
+disparities (6.3125 / 6.25).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 from ...support.arrays import Array
 
 DEPTH_TOLERANCE_SHARE = 0.01
-#: Values per row of a table of counts, one for each bit of a word, as bits; and most entries of such a table.
+#: Base-2 logarithm of the values per row of a table of counts, one for each bit of a word; and most entries of a table.
 _GROUP_BITS, _MAX_ENTRIES = 6, 2**23
 _GROUP_SIZE = 2**_GROUP_BITS
 #: Pixels whose counts are looked up at once, so that the intermediate results stay in the processor's cache.
@@ -36,7 +36,7 @@ _PIXELS_PER_STEP = 2**13
 def measure_depth_order_disagreement(
     prediction: Array, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False
 ) -> float:
-    """Share, 0 to 1, of ordered pixel pairs whose depth order is wrong in the prediction.
+    """Measure the share, 0 to 1, of ordered pixel pairs whose depth order is wrong in the prediction.
 
     Both arrays have the same shape and contain positive finite depths. NaN for fewer than two pixels. With
     ``antisymmetric``, ord(a, b) is -1 if b / a > 1 + τ, so that it is always -ord(b, a). By the definition above this
@@ -51,7 +51,7 @@ class TrueOrder:
     """The order of the true depths of an image, with which the orders of predictions are compared."""
 
     def __init__(self, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False) -> None:
-        """``truth`` (pixels,) contains positive finite depths."""
+        """Sort the true depths (pixels,), which are positive and finite."""
         self._rule = tolerance, antisymmetric
         self._order = np.argsort(truth)
         depth, rank, size = _rank_depths(truth[self._order])
@@ -61,7 +61,8 @@ class TrueOrder:
         self._nearer, self._not_farther = (start[ends][rank] for ends in _find_thresholds(depth, *self._rule))
 
     def disagreements(self, prediction: Array, measured: Array, *regions: Array) -> list[float]:
-        """The disagreement of depth order of the ``measured`` pixels, then of the measured pixels in each region.
+        """Return the disagreement of depth order of the ``measured`` pixels, then of the measured pixels in each
+        region.
 
         ``prediction`` (pixels,) is a positive finite depth where ``measured``; masks are Boolean (pixels,).
         """
@@ -105,15 +106,16 @@ def _make_prefix_sums(sizes: Array) -> Array:
 
 
 def _rank_depths(ascending: Array) -> tuple[Array, Array, Array]:
-    """Of sorted depths: the distinct ones, the index of each depth among them, and the number of times each occurs."""
+    """Rank sorted depths: return the distinct depths, the index of each depth among them, and how often each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
 
 
 def _find_thresholds(depths: Array, tolerance: float, antisymmetric: bool) -> tuple[Array, Array]:
-    """For each of the ascending distinct depths v, the number of depths x with ord(v, x) = 1, and of those with
-    ord(v, x) not -1."""
+    """Return, for each of the ascending distinct depths v, the number of depths x with ord(v, x) = 1, and the number
+    with ord(v, x) not -1.
+    """
     with np.errstate(over="ignore", under="ignore"):
         nearer = np.searchsorted(depths, depths / (1 + tolerance))
         nearer = _correct_rounding(nearer, depths, lambda v, x: v / x > 1 + tolerance)
@@ -138,7 +140,8 @@ def _correct_rounding(guess: Array, depths: Array, holds: Callable[[Array, Array
 def sample_disagreement(
     prediction: Array, truth: Array, pairs: int, random: np.random.Generator, tolerance: float = DEPTH_TOLERANCE_SHARE
 ) -> float:
-    """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
+    """Sample the disagreement among ``pairs`` random ordered pairs of two different pixels. It is unbiased, and much
+    faster.
 
     Its standard error is √(p (1 - p) / pairs). NaN for fewer than two pixels.
     """
@@ -153,7 +156,7 @@ def sample_disagreement(
 def measure_pair_disagreement(
     prediction: Array, truth: Array, first: Array, second: Array, tolerance: float = DEPTH_TOLERANCE_SHARE
 ) -> float:
-    """Share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
+    """Measure the share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
     if not first.size:
         return float("nan")
     return float(
@@ -172,23 +175,24 @@ def _find_order_labels(a: Array, b: Array, tolerance: float) -> Array:
 
 @dataclass(frozen=True)
 class _Level:
-    """One digit of the values of ``_PrefixCounts``, which are sorted by their higher digits, and tables of the facts
-    that follow from a limit alone, for the limits from 0 on."""
+    """One digit of the values of ``_PrefixCounts``, which are sorted by their higher digits. Its tables hold, for every
+    limit from 0 on, the numbers that follow from the limit alone.
+    """
 
     counts: _DigitCounts
-    digits: Array  # of the limits
-    begins: Array  # where the values are that have the same higher digits as a limit
-    before: list[Array]  # the counts at the begins
-    equal: Array  # how many values before the begins have the digit of a limit
+    digits: Array  # the digit of each limit
+    begins: Array  # index of the first value with the same higher digits as a limit
+    before: list[Array]  # the counts at ``begins``
+    equal: Array  # number of values before ``begins`` that have the digit of a limit
 
 
 class _PrefixCounts:
     """Counts the ``values[:prefix]`` that are less than a limit, over all values and over each region.
 
     ``values`` are whole numbers from 0 on; the number k occurs ``sizes[k]`` times. If few are different, a single table
-    has the answer. Otherwise they are taken digit by digit, in a base that keeps the tables small. Sorted by the higher
-    digits, the values that agree with the limit in these digits are next to each other, and a prefix of them counts for
-    the next digit (a wavelet tree with many branches).
+    has the answer. Otherwise they are counted digit by digit, in a base that keeps the tables small. After sorting by
+    the higher digits, the values that agree with the limit in these digits are next to each other, and a prefix of them
+    is counted by the next digit (a wavelet tree with many branches).
     """
 
     def __init__(self, values: Array, sizes: Array, regions: Sequence[Array]) -> None:
@@ -208,8 +212,9 @@ class _PrefixCounts:
                 values, regions = values[order], [region[order] for region in regions]
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
-        """For each k, how many of the first ``prefixes[k]`` values are below ``limits[k]``: of all values, then of the
-        values of each region."""
+        """Count, for each k, the first ``prefixes[k]`` values that are below ``limits[k]``: of all values, then of the
+        values of each region.
+        """
         totals: list[Array] = []
         for level, lower in zip(self._levels, (*self._levels[1:], None), strict=True):
             digits = level.digits.take(limits)
@@ -225,8 +230,8 @@ class _PrefixCounts:
 class _DigitCounts:
     """The number of ``digits[:prefix]``, each from 0 to ``base`` - 1, that are less than a limit of 0 to ``base``.
 
-    A table has the counts for prefixes of whole groups. Within a group, words of 64 bits tell which of its digits are
-    the lowest 0, 1, ..., 64; how many of them are below the limit follows from two rows of the table.
+    A table has the counts for prefixes of whole groups. Within a group, words of 64 bits mark its lowest 0, 1, ..., 64
+    digits; the number of digits below the limit follows from two rows of the table.
     """
 
     def __init__(self, digits: Array, base: int, regions: Sequence[Array]) -> None:
@@ -249,8 +254,8 @@ class _DigitCounts:
         ]
 
     def _table(self, groups: int, cells: Array, counts: Array) -> Array:
-        """For each group and digit, the count in all earlier groups of all smaller digits."""
-        # Imported here, because Blender has no OpenCV, and paints errors by other functions of these modules.
+        """Make a table that has, for each group and digit, the count of all smaller digits in all earlier groups."""
+        # Imported here, because Blender has no OpenCV, and uses other functions of these modules to paint errors.
         import cv2
 
         table = np.zeros((groups, self._columns - 1), np.uint8)
@@ -258,7 +263,7 @@ class _DigitCounts:
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
-        """For pairs of a prefix and a limit, the counts of smaller digits: of all digits, and of the digits in each
+        """Count the smaller digits for pairs of a prefix and a limit: of all digits, then of the digits in each
         region.
         """
         group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP_SIZE - 1  # far faster than to divide
@@ -287,7 +292,7 @@ def _pad_into_groups(values: Array, groups: int, rest: int) -> Array:
 
 
 def _add_up_bits(words: Array) -> Array:
-    """The number of set bits of each word: summed over pairs of bits, fours, bytes, and the whole word."""
+    """Count the set bits of each word, by sums over pairs of bits, fours, bytes, and the whole word."""
     ones, twos, fours, bytes_ = (np.uint64(0x0101010101010101 * k) for k in (0x55, 0x33, 0x0F, 0x01))
     words = words - (words >> np.uint64(1) & ones)
     words = (words & twos) + (words >> np.uint64(2) & twos)

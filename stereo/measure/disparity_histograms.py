@@ -1,7 +1,7 @@
 """Histograms of disparity errors and of the fractional part of disparities, summed over pairs.
 
 A matcher that fits a curve through few costs prefers whole or half pixels (pixel locking): too many of its disparities
-are there, and its mean error depends on the fractional part of the true disparity (Shimizu and Okutomi 2001).
+lie there, and its mean error depends on the fractional part of the true disparity (Shimizu and Okutomi 2001).
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ ERROR_BOUNDS_PX = np.linspace(-2.0, 2.0, 81)
 FRACTION_BINS = 16
 #: Largest error that counts as fine; larger errors are mismatches, which are unrelated to fractional parts.
 _MAX_FINE_ERROR_PX = 1.0
-#: The histograms and their lengths, all over the measured pixels. ``error``: of measured minus true disparity. ``part``
-#: and ``true_part``: of the part of a pixel in measured and in true disparities. ``fine`` and ``fine_error_px``: pixels
-#: with an error below 1 px, and the sum of their signed errors, by the part of a pixel of the true disparity.
+#: The histograms and their lengths, all over the measured pixels. ``error`` counts measured minus true disparities.
+#: ``part`` and ``true_part`` count the fractional parts of measured and of true disparities. ``fine`` counts pixels
+#: with an error below 1 px, by the fractional part of the true disparity, and ``fine_error_px`` sums their signed
+#: errors.
 HISTOGRAM_LENGTHS = {
     "error": len(ERROR_BOUNDS_PX) + 1,
     "part": FRACTION_BINS,
@@ -35,7 +36,7 @@ Histograms = dict[str, list[float]]
 
 
 def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
-    """The histograms of a disparity map, px, NaN where there is no disparity."""
+    """Make the histograms of a disparity map, px, NaN where there is no disparity."""
     both = is_usable(disparity) & is_usable(true_disparity)
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
     error, part = measured - true, _find_fraction_bin(true)
@@ -52,11 +53,12 @@ def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
 
 
 def _find_fraction_bin(disparity: Array) -> Array:
-    """Bin of the fractional part of a disparity. The remainder is taken first: a disparity may exceed any integer
-    type."""
+    """Find the bin of the fractional part of a disparity. The remainder is taken first, because a disparity may exceed
+    any integer type.
+    """
     return np.asarray(np.rint(disparity % 1.0 * FRACTION_BINS).astype(np.intp) & FRACTION_BINS - 1)
 
 
 def add_histograms(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
-    """The sum of two sets of histograms; ``total`` may be None."""
+    """Add two sets of histograms; ``total`` may be None."""
     return {key: np.add(total[key] if total else 0.0, more[key]).tolist() for key in HISTOGRAM_LENGTHS}

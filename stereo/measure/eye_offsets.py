@@ -2,9 +2,9 @@
 
 There are two independent tests. The **truth** of both eyes has no noise: a point has the same disparity in both, except
 for rounding. So a wrong f·B, a shift or a shifted row is visible wherever there is relief, in any light. The **light**
-shows whether the images belong to that truth. It has noise, shadows, and glints that each eye sees in another place. So
-it is compared by its local contrast, limited so that no glint outweighs the ground, and the jackknife over tiles gives
-every number a standard error. Undetermined numbers are NaN.
+shows whether the images belong to that truth. It has noise, shadows, and glints that each eye sees in another place. It
+is therefore compared by its local contrast, limited so that no glint outweighs the ground, and the jackknife over tiles
+gives every number a standard error. Undetermined numbers are NaN.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ROWS_PX = np.arange(-2.0, 2.1)
 #: Fewest pixels for a result.
 FEWEST_PIXELS = 100
 #: Blur, px, that reduces the noise of single pixels, and the width over which contrast is computed. Shading that
-#: depends on the direction of view varies over larger widths, and so drops out.
+#: depends on the direction of view varies over larger widths, so the contrast does not contain it.
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
 #: Contrast below which light counts as noise: as a share of the local brightness, and of the whole image's brightness.
 _MIN_LOCAL_CONTRAST, _MIN_GLOBAL_CONTRAST = 0.02, 1e-3
@@ -35,15 +35,15 @@ _MIN_LOCAL_CONTRAST, _MIN_GLOBAL_CONTRAST = 0.02, 1e-3
 FITTING_CORRELATION = 0.6
 #: Fewest tiles for a number that is used.
 FEWEST_TILES = 8
-#: Number of rows of the truth that suffices, since the truth has no noise; of a higher image every second or third row
-#: is compared, and so on.
+#: Number of rows of the truth that suffices, because the truth has no noise. In a higher image only every second, third
+#: or nth row is compared.
 _ENOUGH_ROWS = 240
 #: The search for places of the left image in the right one: the approximate number of columns of the reduced images;
-#: the size of a place, px; the correlation from which it is found; and the least excess of this correlation over the
-#: one at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise have a
-#: standard deviation of 0.1.
+#: the size of a place, px; the least correlation of a found place; and the least excess of this correlation over the
+#: correlation at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise
+#: have a standard deviation of 0.1.
 _REDUCED_COLUMNS, _PLACE_PX, _FOUND_CORRELATION, _MIN_CORRELATION_GAIN = 160, 6.0, 0.65, 0.15
-#: Mean square of the contrast from which on a place has texture everywhere. A few bright dots in the dark match any
+#: Least mean square of the contrast of a place with texture everywhere. A few bright dots in the dark would match any
 #: other dots.
 _MIN_TEXTURE = 0.2
 #: Shifts, px, at which a place is searched for.
@@ -66,7 +66,9 @@ class Estimate:
     error: float = float("nan")
 
     def exceeds(self, limit: float, errors: float) -> bool:
-        """Whether the number differs from 0 by more than ``limit`` and than ``errors`` standard errors."""
+        """Return whether the number differs from 0 by more than ``limit`` and by more than ``errors`` standard
+        errors.
+        """
         return abs(self.value) > max(limit, errors * self.error)  # False for NaN
 
     @property
@@ -77,11 +79,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class TruthOffsets:
-    """The corrections that make the truth of both eyes agree, each computed as the only correction."""
+    """The corrections that make the truth of both eyes agree. Each is computed as if it were the only one."""
 
-    shift_px: Estimate = Estimate()  # of the right eye along the rows
+    shift_px: Estimate = Estimate()  # shift of the right eye along the rows
     scale: Estimate = Estimate()  # share by which the stated f·B is too large
-    rows_px: Estimate = Estimate()  # of the right eye along the columns
+    rows_px: Estimate = Estimate()  # shift of the right eye along the columns
     likeliest: str = "shift_px"  # the correction that leaves the smallest difference
 
 
@@ -89,8 +91,8 @@ class TruthOffsets:
 class LightOffsets:
     """The shifts at which the light of the right image, moved by the true disparity, fits the left image."""
 
-    shift_px: Estimate = Estimate()  # along the rows
-    rows_px: Estimate = Estimate()
+    shift_px: Estimate = Estimate()  # shift along the rows
+    rows_px: Estimate = Estimate()  # shift along the columns
     correlation: float = float("nan")  # at the best shift, 1 for images that agree
     gain: Estimate = Estimate()  # gain of the correlation by that shift
     rows_gain: Estimate = Estimate()
@@ -133,20 +135,20 @@ class _ColumnSampler:
     """The fractional columns (H, W) at which images are interpolated linearly."""
 
     def __init__(self, column: Array, inside: Array) -> None:
-        """Only the columns that are ``inside`` an image count, except its outermost ones."""
+        """Set the columns (H, W). Only columns that are ``inside`` an image count, except its outermost columns."""
         column = np.where(inside, column, 0.0)
         whole = np.floor(column)
         self._place = np.arange(column.shape[0])[:, None] * column.shape[1] + whole.astype(np.intp)
         self._weight = column - whole
 
     def of(self, image: Array) -> Array:
-        """The image (H, W) at the columns."""
+        """Return the image (H, W) at the columns."""
         before, after = (image.ravel()[k:].take(self._place) for k in (0, 1))
         return np.asarray(before + self._weight * (after - before))
 
 
 def _find_row_slope(image: Array) -> Array:
-    """Central differences from row to row, NaN in the outermost rows and beside unknown values."""
+    """Compute central differences from row to row, NaN in the outermost rows and beside unknown values."""
     slope = np.full_like(image, np.nan)
     slope[1:-1] = (image[2:] - image[:-2]) / 2
     return slope
@@ -162,13 +164,13 @@ def _fit_robustly(
     known: Array,
     rounding_px: float,
 ) -> tuple[Estimate, float]:
-    """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
-    Both are 0 unless ``known``.
+    """Fit the factor x in ``difference`` = x · ``slope`` with Tukey's weights; return x and the mean deviation that is
+    left.
 
-    Where an edge falls between two columns, the truth of both eyes differs; the weights exclude these outliers. Their
-    scale comes from the pixels that determine x: those with at least half the RMS slope, or the steepest hundredth. In
-    a view to the horizon most pixels are far away and have neither slope nor difference. If they set the scale, all
-    near pixels would be outliers.
+    Both arrays are 0 unless ``known``. Where an edge falls between two columns, the truth of both eyes differs; the
+    weights exclude these outliers. Their scale comes from the pixels that determine x: those with at least half the RMS
+    slope, or the steepest hundredth. In a view to the horizon most pixels are far away and have neither slope nor
+    difference. If they set the scale, all near pixels would be outliers.
     """
     steep = np.abs(slope[known])
     steepness = _compute_rms(steep)
@@ -221,7 +223,9 @@ def measure_light_offsets(left: Array, right: Array, column: Array, visible: Arr
 
 
 def measure_light_correlation(image: Array, other: Array, column: Array, visible: Array) -> Estimate:
-    """Correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree fully."""
+    """Measure the correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree
+    fully.
+    """
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST_PIXELS:
@@ -236,7 +240,7 @@ def measure_light_correlation(image: Array, other: Array, column: Array, visible
 
 
 def _zero_if_not_finite(image: Array) -> Array:
-    """The values in double precision, with 0 for render values that are not finite."""
+    """Return the values in double precision, with 0 for render values that are not finite."""
     return np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -245,8 +249,9 @@ def _blur(image: Array) -> Array:
 
 
 def _blur_and_scale(image: Array) -> Array:
-    """The blurred image in single precision, 1 where it is brightest: a contrast does not depend on the brightness,
-    and its rounding errors are far below the noise of a render."""
+    """Blur an image and scale its maximum to 1, in single precision. A contrast does not depend on the brightness, and
+    the rounding errors are far below the noise of a render.
+    """
     blurred = _blur(image)
     return np.asarray(blurred / max(float(blurred.max()), 1e-300), np.float32)
 
@@ -255,7 +260,7 @@ class _ShiftedImage:
     """An image at the fractional columns that match the pixels of another image, and beside them."""
 
     def __init__(self, image: Array, column: Array) -> None:
-        """``column`` (H, W) lies inside the image."""
+        """Set the image and its columns ``column`` (H, W), which lie inside it."""
         self._side_columns, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
         self._padded = np.pad(image, ((self._above,) * 2, (self._side_columns,) * 2), mode="edge")
         self._width = self._padded.shape[1]
@@ -266,8 +271,9 @@ class _ShiftedImage:
             self._places[part] = rows + whole.astype(np.intp), (column + part - whole).astype(image.dtype)
 
     def by(self, shift_px: float, rows: int) -> Array:
-        """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
-        beyond its edges."""
+        """Return the image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below;
+        constant beyond its edges.
+        """
         place, weight = self._places[shift_px % 1.0]
         start = (self._above + rows) * self._width + self._side_columns + int(np.floor(shift_px))
         before, after = (self._padded.ravel()[start + k :].take(place) for k in (0, 1))
@@ -275,7 +281,7 @@ class _ShiftedImage:
 
 
 class _Contrasts:
-    """The local contrast of a first image, and of other images over the same pixels to compare with it."""
+    """The local contrast of a first image, which is compared with other images over the same pixels."""
 
     def __init__(self, image: Array, where: Array) -> None:
         self._mask, self._count = where.astype(image.dtype), int(where.sum())
@@ -284,8 +290,9 @@ class _Contrasts:
         self._energy = sum_over_tiles(self.own**2)[:, 0]
 
     def of(self, image: Array) -> Array:
-        """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
-        where no pixel counts."""
+        """Return the brightness of each pixel above the mean around it, in standard deviations of the surroundings,
+        limited to 1; 0 where no pixel counts.
+        """
         light = image * self._mask
         light /= max(float(light.sum(dtype=np.float64)) / self._count, float(np.finfo(light.dtype).tiny))
         mean = _smooth(light, _CONTRAST_PX)
@@ -297,28 +304,29 @@ class _Contrasts:
         return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
 
     def products(self, image: Array) -> Array:
-        """The sums (tiles, 3) that ``_compute_correlation`` needs."""
+        """Return the sums (tiles, 3) that ``_compute_correlation`` needs."""
         other = self.of(image)
         both, energy = sum_over_tiles(self.own * other, other * other).T
         return np.stack([both, self._energy, energy], axis=1)
 
 
 def _smooth(image: Array, width_px: float) -> Array:
-    """Weighted sums around each pixel, with 0 beyond the border. A Gaussian, since the running sums of a box leave
-    rounding errors where it is dark."""
+    """Return weighted sums around each pixel, with 0 beyond the border. The weights are a Gaussian, because the running
+    sums of a box leave rounding errors where it is dark.
+    """
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
 
 
 def _compute_correlation(sums: Array) -> Array:
-    """Correlation from sums (..., 3); 0 where the only contrast is rounding."""
+    """Compute the correlation from sums (..., 3); 0 where the only contrast is rounding."""
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
 
 def _find_best_step(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, Estimate, Estimate]:
-    """The step with the best correlation, its gain over step 0, and its correlation.
+    """Find the step with the best correlation, its gain over step 0, and its correlation.
 
-    ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit, and best at step 0, whichever tile
-    is left out. Then only the steps beside it are tried, which are all that the peak is found from.
+    ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit best at step 0, whichever tile is
+    left out. Then only the neighbouring steps are tried, because the peak is found from these alone.
     """
     middle = len(steps) // 2
     for tried in (steps[middle - 1 : middle + 2], steps):
@@ -339,7 +347,9 @@ def _find_best_step(products: Callable[[float], Array], steps: Array) -> tuple[E
 
 
 def _interpolate_peak(curve: Array, steps: Array) -> Array:
-    """The peak of curves (..., steps), by the parabola through the three points around it."""
+    """Interpolate the position of the peak of curves (..., steps), by the parabola through the three points
+    around it.
+    """
     middle = np.clip(curve.argmax(axis=-1), 1, len(steps) - 2)
     before, at, after = (np.take_along_axis(curve, (middle + k)[..., None], -1)[..., 0] for k in (-1, 0, 1))
     left, right = steps[middle] - steps[middle - 1], steps[middle + 1] - steps[middle]
@@ -351,7 +361,8 @@ def _interpolate_peak(curve: Array, steps: Array) -> Array:
 
 
 def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
-    """The share of reliable matches between the left (H, W) and the right image that contradict the true ``disparity``.
+    """Measure the share of reliable matches between the left (H, W) and the right image that contradict the true
+    ``disparity``.
 
     Works on reduced images, which have less noise. NaN if too few places are found.
     """
@@ -390,7 +401,9 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
 
 
 def _compute_local_correlation(contrast: Array, other: Array, where: Array) -> Array:
-    """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
+    """Compute the correlation around each pixel over the pixels where both are known; 0 if these are few or have no
+    contrast.
+    """
     share, first, second = where.astype(np.float64), contrast * where, other * where
     energy, other_energy, both = (_smooth(image, _PLACE_PX) for image in (first**2, second**2, first * second))
     told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _MIN_TEXTURE)
@@ -398,6 +411,6 @@ def _compute_local_correlation(contrast: Array, other: Array, where: Array) -> A
 
 
 def _reduce(image: Array, step: int) -> Array:
-    """Means of squares of ``step`` pixels."""
+    """Average an image over squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     return np.asarray(image[: height * step, : width * step].reshape(height, step, width, step).mean(axis=(1, 3)))

@@ -1,13 +1,11 @@
-"""Checks whether a map of depths or disparities fits two images, and finds an alternative interpretation of its numbers
-that fits.
+"""Check whether a map of depths or disparities fits two images, and find another reading of its numbers that fits.
 
 Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is compared with
-places that are found in both images without it, and if it misses them, its numbers are read in other ways: distances
-along the ray, depths for disparities, upside down, mirrored, of exchanged eyes, with another factor. A reading is named
-only if it explains places that the stated one misses; if the images have too few common places, nothing is stated.
-
-A prediction is compared with the true disparity, which covers more places. ``python benchmarks fit_check`` measures
-false alarms on sound pairs and how often each fault is found.
+places that are found in both images without it. If it misses them, its numbers are read in other ways: as distances
+along the ray, as depths instead of disparities, upside down, mirrored, with exchanged eyes, or with another factor. A
+reading is named only if it explains places that the stated one misses; if the images have too few common places,
+nothing is stated. A prediction is compared with the true disparity, which covers more places. ``python benchmarks
+fit_check`` measures false alarms on sound pairs and the share of faults that are found.
 """
 
 from __future__ import annotations
@@ -23,10 +21,10 @@ from ...physics.camera.occlusion import find_matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 
-#: Columns to which images are reduced before places are searched: enough for disparities to a pixel of them.
+#: Columns to which images are reduced before places are searched; a pixel of these is precise enough for disparities.
 _REDUCED_COLUMNS = 400
-#: Limits of the searched disparities: the greatest as a share of the width, which eyes very near to the ground need,
-#: and the least in px below 0.
+#: Limits of the searched disparities: the greatest as a share of the width, large for eyes very near to the ground, and
+#: the least in px below 0.
 _MAX_SEARCHED_SHARE, _SEARCHED_BELOW_0_PX = 0.75, 2
 #: Block size (px), uniqueness (%) and least region (px) of places that count; noise makes smaller regions.
 _BLOCK_PX, _UNIQUENESS_PERCENT, _MIN_REGION_PX = 7, 12, 60
@@ -34,22 +32,22 @@ _BLOCK_PX, _UNIQUENESS_PERCENT, _MIN_REGION_PX = 7, 12, 60
 _AGREEMENT_PX, _AGREEMENT_SHARE = 1.0, 0.03
 #: Least contrast of a place with its surroundings, grey levels of 255.
 _MIN_CONTRAST_DN = 1.5
-#: Requirements for a statement: fewest places, in how many of eight by eight tiles, and of how many rows and columns of
-#: tiles. Along a horizon there are many places and no ground.
+#: Requirements for a statement: fewest places, tiles per side, fewest tiles with places, and fewest rows and columns of
+#: such tiles. Along a horizon there are many places and no ground.
 _FEWEST_PLACES, _TILES_PER_SIDE, _FEWEST_TILES, _FEWEST_BANDS = 150, 8, 8, 3
 #: Fewest places as a share of the image: in images of noise alone one place in a hundred is found by chance.
 _MIN_PLACES_SHARE = 0.05
 #: Least share of the places that a right map explains, and largest share that a wrong map explains. A right map misses
 #: occluded and repeated places too.
 _MIN_RIGHT_SHARE, _MAX_WRONG_SHARE = 0.5, 0.25
-#: Two readings differ where their disparities differ by the first number, px. The other reading is named if the two
-#: differ in at least the second share of the places, if it is nearer to most of them in at least the third share of the
-#: tiles, and if its median error is at most the fourth number times the stated reading's.
+#: Two readings differ where their disparities differ by _DIFFERENT_PX. The other reading is named if the two differ in
+#: at least _DIFFERENT_SHARE of the places, if it is nearer to most of them in at least _NEARER_TILES_SHARE of the
+#: tiles, and if its median error is at most _MAX_ERROR_RATIO times the stated reading's.
 _DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER_TILES_SHARE, _MAX_ERROR_RATIO = 0.5, 0.2, 0.75, 0.5
 
 
 #: For a small fault of scale: least disparity of the reduced images, px; the least fault, as a logarithm and in px; and
-#: the largest ratio, as a logarithm. Steep ground of sound pairs is off by 0.04.
+#: the largest fault, as a logarithm. On steep ground even sound pairs are off by 0.04.
 _MIN_SCALED_PX, _MIN_SCALE_FAULT, _MIN_SCALE_FAULT_PX, _MAX_SCALE_FAULT = 5.0, 0.04, 0.25, 0.5
 #: Share of the tiles that show a wrong scale, and the share of the fault that they show at least.
 _SHOWING_TILES_SHARE, _SHOWN_FAULT_SHARE = 0.8, 0.3
@@ -59,15 +57,15 @@ _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 
 @dataclass(frozen=True)
 class FitFault:
-    """An interpretation that fits better than the stated one, or the fact that none fits.
+    """A reading of a map that fits better than the stated one, or the fact that no reading fits.
 
     ``kind`` is a key of ``READINGS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
     """
 
     kind: str
     factor: float = 1.0
-    stated_share: float = float("nan")  # of the places, explained by the stated reading
-    share: float = float("nan")  # of the places, explained by the other reading
+    stated_share: float = float("nan")  # share of the places that the stated reading explains
+    share: float = float("nan")  # share of the places that the other reading explains
 
 
 #: The readings to try, in words that follow "it fits".
@@ -95,8 +93,8 @@ TURN_BY_READING: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True)
 class MatchedPlaces:
-    """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
-    same with the images exchanged, in images that are ``step`` times smaller.
+    """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and
+    ``swapped``, the same with the images exchanged. The images are ``step`` times smaller than the originals.
     """
 
     left: Array
@@ -112,22 +110,22 @@ class MatchedPlaces:
 
 
 def find_common_places(left: Array, right: Array) -> MatchedPlaces:
-    """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
+    """Find the places that two grey images (H, W) of any range have in common, by block matching in both directions."""
     step = max(1, math.ceil(left.shape[1] / _REDUCED_COLUMNS))
     small = [_to_8_bit(_reduce(image, step)) for image in (left, right)]
     return MatchedPlaces(_match_both_ways(small[0], small[1]), _match_both_ways(small[1], small[0]), step)
 
 
 def make_true_places(disparity: Array) -> MatchedPlaces:
-    """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
+    """Make matched places from the true disparity (H, W) of a pair, px, NaN where unknown."""
     step = max(1, math.ceil(disparity.shape[1] / _REDUCED_COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
     return MatchedPlaces(thinned, np.full_like(thinned, np.nan), step)
 
 
 def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
-    """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if the map fits,
-    or if the images do not decide.
+    """Find the fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown. None if the map
+    fits, or if the images do not decide.
     """
     if not places.are_enough():
         return None
@@ -156,9 +154,11 @@ def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPl
 
 
 def find_misfit(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
-    """A small fault of a map that ``find_fault`` does not find: a "scale" that is off by 4 % or more, so that the
-    numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same
-    position, whose ``factor`` is that focal length over the stated one. None without either."""
+    """Find a small fault of a map that ``find_fault`` does not find; None without one.
+
+    A "scale" is off by 4 % or more, so that the numbers are ``factor`` times too large. A "zoom" is the map of a camera
+    with another focal length at the same position; its ``factor`` is that focal length over the stated one.
+    """
     if not places.are_enough():
         return None
     thinned = _thin(read_as_disparity(values, kind, camera), places.step) / places.step
@@ -170,9 +170,10 @@ def find_misfit(values: Array, kind: str, camera: StereoCamera, places: MatchedP
 
 
 def _find_scale(stated: Array, found: Array) -> float | None:
-    """Ratio of the found disparities to the stated ones, if it clearly differs from 1 in most parts of the image.
+    """Find the ratio of the found disparities to the stated ones, if it clearly differs from 1 in most parts of the
+    image; else None.
 
-    Each part gives the ratio at which its places gather, which wrongly found places hardly move.
+    Each part gives the ratio at which its places gather, because wrongly found places hardly move it.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(found / stated)
@@ -188,8 +189,8 @@ def _find_scale(stated: Array, found: Array) -> float | None:
 
 
 def _find_half_sample_mode(values: Array) -> float:
-    """The value around which numbers gather: the median of the narrowest half of the narrowest half of them,
-    and so on.
+    """Find the value around which numbers gather: repeatedly keep the narrowest half of them, and take the median of
+    the rest.
     """
     ordered = np.sort(values)
     while len(ordered) > 8:
@@ -200,7 +201,9 @@ def _find_half_sample_mode(values: Array) -> float:
 
 
 def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> float | None:
-    """Focal length of the map as a multiple of the camera's, if a map enlarged or reduced by it fits clearly better."""
+    """Find the focal length of the map as a multiple of the camera's, if a map scaled by this factor fits clearly
+    better; else None.
+    """
     rows, columns = np.mgrid[: stated.shape[0], : stated.shape[1]].astype(np.float32)
     first = places.step // 2 + 0.5
     across, down = (camera.cx_px - first) / places.step, (camera.cy_px - first) / places.step
@@ -226,8 +229,9 @@ def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> fl
 
 
 def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> bool:
-    """Whether the images have enough places, and most of them confirm a map ``values`` (H, W) of "depth" (m) or
-    "disparity" (px), NaN where unknown."""
+    """Return whether the images have enough places, and most of them confirm a map ``values`` (H, W) of "depth" (m) or
+    "disparity" (px), NaN where unknown.
+    """
     return (
         places.are_enough()
         and _measure_agreeing_share(read_as_disparity(values, kind, camera), places.left, places.step)
@@ -236,7 +240,9 @@ def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Matched
 
 
 def are_mostly_at_disparity(where: Array, disparity_px: float, places: MatchedPlaces) -> bool:
-    """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
+    """Return whether the images show most of the pixels ``where`` (H, W) at one disparity, like a wall that
+    faces them.
+    """
     inside = _thin(where.astype(np.float64), places.step) > 0
     there = _measure_agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)
     return bool(
@@ -245,7 +251,7 @@ def are_mostly_at_disparity(where: Array, disparity_px: float, places: MatchedPl
 
 
 def compute_ray_lengths(camera: StereoCamera) -> Array:
-    """Distance from the eye over planar depth, (H, W)."""
+    """Compute the distance from the eye over the planar depth, (H, W)."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.asarray(
         np.sqrt(1 + ((u - camera.cx_px) / camera.focal_px) ** 2 + ((v - camera.cy_px) / camera.focal_px) ** 2)
@@ -253,7 +259,7 @@ def compute_ray_lengths(camera: StereoCamera) -> Array:
 
 
 def read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Disparities in px of depths in m or disparities in px, both NaN where unknown."""
+    """Convert depths in m to disparities in px, or return disparities in px unchanged; NaN where unknown."""
     if kind == "disparity":
         return values
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -263,7 +269,7 @@ def read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 def _list_other_readings(
     values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces
 ) -> Iterator[tuple[str, Array, Array]]:
-    """Names of alternative interpretations, their disparities (H, W), and the places with which they are compared."""
+    """Yield the name of each other reading, its disparities (H, W), and the places with which they are compared."""
     stated = read_as_disparity(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
     yield other, read_as_disparity(values, other, camera), places.left
@@ -277,8 +283,9 @@ def _list_other_readings(
 
 
 def warp_to_other_eye(disparity: Array, eye: str) -> Array:
-    """The disparities (H, W), px, that the map of ``eye`` gives the other eye. Where two points meet, the nearer one
-    counts; NaN where no point falls."""
+    """Warp the disparities (H, W), px, of ``eye`` to the other eye. Where two points meet, the nearer one counts; NaN
+    where no point falls.
+    """
     column = find_matching_column(np.nan_to_num(disparity), eye)
     place = np.rint(column).astype(np.int64)
     known = np.isfinite(disparity) & (place >= 0) & (place < disparity.shape[1])
@@ -308,7 +315,7 @@ def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -
 
 
 def _explains_more(disparity: Array, stated: Array, found: Array, places: MatchedPlaces) -> bool:
-    """Whether another interpretation explains clearly more of the places at which it differs from the stated one."""
+    """Return whether another reading explains clearly more of the places at which it differs from the stated one."""
     if found is not places.left:  # the other reading exchanges the images
         here = _measure_agreeing_share(stated, places.left, places.step)
         return not here >= _MAX_WRONG_SHARE
@@ -319,8 +326,9 @@ def _explains_more(disparity: Array, stated: Array, found: Array, places: Matche
 
 
 def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
-    """Whether, where they differ, ``other`` disparities are clearly nearer than ``one`` to the ``found`` ones; all
-    (H, W) and of the reduced images."""
+    """Return whether ``other`` disparities are clearly nearer than ``one`` to the ``found`` ones, where the two differ.
+    All arrays (H, W) have the size of the reduced images.
+    """
     if not _is_spread(differs):
         return False
     if differs.sum() < _DIFFERENT_SHARE * np.isfinite(found).sum():
@@ -334,7 +342,9 @@ def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
 
 
 def _measure_agreeing_share(disparity: Array, found: Array, step: int) -> float:
-    """The share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too few."""
+    """Measure the share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too
+    few.
+    """
     thinned = _thin(disparity, step) / step
     with np.errstate(invalid="ignore"):
         both = np.isfinite(found) & ~np.isnan(thinned)
@@ -348,7 +358,7 @@ def _find_tolerance(found: Array) -> Array:
 
 
 def _thin(values: Array, step: int) -> Array:
-    """The values in the middle of squares of ``step`` pixels."""
+    """Return the values in the middle of squares of ``step`` pixels."""
     height, width = (size // step * step for size in values.shape)
     return values[step // 2 : height : step, step // 2 : width : step]
 
@@ -357,7 +367,7 @@ Tile = tuple[slice, slice]
 
 
 def _find_filled_tiles(where: Array) -> list[Tile]:
-    """The tiles of an image that have enough pixels."""
+    """Find the tiles of an image that have enough pixels."""
     height, width = (math.ceil(size / _TILES_PER_SIDE) for size in where.shape)
     tiles = [
         (slice(row, row + height), slice(column, column + width))
@@ -368,7 +378,7 @@ def _find_filled_tiles(where: Array) -> list[Tile]:
 
 
 def _is_spread(where: Array) -> bool:
-    """Whether there are enough pixels in enough parts of an image, across and along it."""
+    """Return whether there are enough pixels in enough parts of an image, across and along it."""
     if where.sum() < _FEWEST_PLACES:
         return False
     tiles = _find_filled_tiles(where)
@@ -378,20 +388,20 @@ def _is_spread(where: Array) -> bool:
 
 
 def _reduce(image: Array, step: int) -> Array:
-    """Means of squares of ``step`` pixels."""
+    """Average an image over squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     cut = np.nan_to_num(image[: height * step, : width * step].astype(np.float32), posinf=0.0, neginf=0.0)
     return np.asarray(cut.reshape(height, step, width, step).mean(axis=(1, 3)))
 
 
 def _to_8_bit(image: Array) -> Array:
-    """An image whose 99.5 % darkest pixels fill the range of 8 bits, with the square root of light as eyes see it."""
+    """Convert light to 8 bits by its square root, much as eyes see it. The brightest 0.5 % of the pixels saturate."""
     level = image / max(float(np.quantile(image, 0.995)), 1e-9)
     return np.rint(255 * np.sqrt(np.clip(level, 0, 1))).astype(np.uint8)
 
 
 def _match_both_ways(left: Array, right: Array) -> Array:
-    """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
+    """Find the disparities (H, W) on which block matching of 8-bit images agrees in both directions, NaN elsewhere."""
     width = left.shape[1]
     count = 16 * math.ceil((_MAX_SEARCHED_SHARE * width + _SEARCHED_BELOW_0_PX) / 16)
     there, back = _match_one_way(left, right, count), _match_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]

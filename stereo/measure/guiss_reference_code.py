@@ -4,8 +4,8 @@ It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM
 ``utils.calc_metrics``, ``gen_res.calc_metrics_offline``, ``get_pairs``):
 
 * depth is 80 / disparity, "scaled by 10", although f·B is 85.333 px·m, so every depth is 6.25 % too small;
-* 1e-4 px is added to disparities, and StereoBM's mark of a failed match, one less than its least disparity, counts as
-  a disparity;
+* 1e-4 px is added to disparities, and StereoBM's mark of a failed match, one less than its least disparity, counts as a
+  disparity;
 * pixels count if the predicted depth is in [0.01, 100] m and the true one in (0.05, 100] m, in rows 48 to 432 of 480
   and, for StereoBM, in columns 125 to 600 of 640;
 * the order of depths is compared on a lattice of positions in the list of these pixels; fewer than about 10 100 pixels
@@ -31,14 +31,14 @@ METRICS = (
     "guiss_dod",
     "guiss_n",
 )
-# Of the lattice: pixels that are skipped at both ends, and steps of the two indices of a pair.
+# The lattice: the number of pixels that are skipped at both ends, and the steps of the two indices of a pair.
 _SKIPPED_PIXELS, _FINE_STEP, _COARSE_STEP = 5000, 100, 1000
 
 
 def compute_reference_metrics(
     disparity: Array, truth: Array, bm_min_disparity: int | None = None
 ) -> dict[str, float | int]:
-    """The numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
+    """Compute the numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
 
     For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) then get its mark, and columns are
     cut as the reference code does for this matcher. The cuts are those for 640 x 480 px, in proportion.
@@ -54,7 +54,7 @@ def compute_reference_metrics(
 
 
 def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
-    """As ``compute_reference_metrics`` for a depth map, without the constant and the cuts."""
+    """Compute the numbers of ``compute_reference_metrics`` for a depth map, without the constant and the cuts."""
     prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
     counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
     predicted, true = prediction[counted], truth[counted]
@@ -77,7 +77,7 @@ def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, floa
 
 
 def choose_lattice_pairs(count: int) -> tuple[Array, Array]:
-    """The pairs of indices i < j, among ``count`` pixels, whose order of depths the reference code compares.
+    """Choose the pairs of indices i < j, among ``count`` pixels, whose order of depths the reference code compares.
 
     It skips the first 5000 and the last 5000 pixels. Counted from pixel 5000, one index of a pair is a multiple of 1000
     and the other a multiple of 100.

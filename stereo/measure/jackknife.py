@@ -1,9 +1,9 @@
 """The standard error of a number from one image: the jackknife over tiles of the image.
 
 Errors of neighbouring pixels are correlated over the window of a matcher or a denoiser, so pixels are not independent.
-Tiles are larger than such windows and nearly independent. Leaving out one tile after the other shows how much a number
-depends on the noise (Efron and Tibshirani 1993, chapter 11; for tiles Künsch 1989). The same tiles of two images are
-left out together, so errors that both share cancel.
+Tiles are larger than such windows and nearly independent. Leaving out one tile after the other shows how strongly a
+number depends on the noise (Efron and Tibshirani 1993, chapter 11; for tiles Künsch 1989). The same tiles of two images
+are left out together, so errors that both share cancel.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ TILES_DOWN, TILES_ACROSS = 6, 8
 
 
 def sum_over_tiles(*images: Array) -> Array:
-    """Sums (DOWN * ACROSS, K), float64, over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN.
-
-    Images in single precision are added up in it.
+    """Sum K images (H, W) of numbers or booleans over tiles; return float64 (DOWN * ACROSS, K). No pixel may be NaN.
+    Images in single precision are added up in single precision.
     """
     return np.stack([_sum_tiles(image) for image in images], axis=1).astype(np.float64)
 
@@ -39,14 +38,14 @@ def _sum_tiles(image: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def _make_part_membership(size: int, count: int, kind: str) -> Array:
-    """Membership (count, size), 1 or 0, of each of ``size`` rows or columns in ``count`` equal parts."""
+    """Make the membership (count, size), 1 or 0, of each of ``size`` rows or columns in ``count`` equal parts."""
     return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(kind)
 
 
 def jackknife(value: Callable[..., Array], *sums: Array) -> tuple[Array, Array]:
-    """Numbers of whole images, and their standard errors.
+    """Compute numbers of whole images, and their standard errors.
 
-    ``sums`` are arrays (..., tiles, K) of ``sum_over_tiles``. ``value`` computes the numbers from their totals (...,
+    ``sums`` are arrays (..., tiles, K) from ``sum_over_tiles``. ``value`` computes the numbers from their totals (...,
     K); it must accept one more axis before the last, over the tiles that are left out. An undefined number is NaN. The
     error is NaN if fewer than two tiles contain anything.
     """

@@ -1,4 +1,4 @@
-"""Measuring one depth or disparity map from a file, without a pair folder."""
+"""Measure one depth or disparity map from a file, without a pair folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .guiss_reference_code import compute_depth_map_metrics, compute_reference_m
 from .metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics, is_usable
 
 SAMPLED_PAIR_COUNT = 300_000
-#: Entry in an npz of ``match`` by which the reference code's numbers recognise StereoBM.
+#: Entry that ``match`` writes to an npz from StereoBM, and from which the reference code's numbers recognise StereoBM.
 BM_MIN_DISPARITY = "bm_min_disparity"
 _DISPARITY_ENTRY = "disparity"
 #: Most bytes to which the packed arrays of a file may unfold: 33 million values in single precision.
@@ -28,7 +28,9 @@ _MAX_DISPARITY_PX = 2**20
 def _measure_as_reference_code(
     given: Array, true: Array, disparity: Path | None, bm_min_disparity: int | None
 ) -> dict[str, float]:
-    """The numbers of the reference code: of the depths ``given`` in m, or of disparities in px if a file has them."""
+    """Measure the numbers of the reference code: for the depths ``given`` in m, or for disparities in px if a
+    ``disparity`` file has them.
+    """
     if disparity is None:
         return compute_depth_map_metrics(given, true)
     least = _read_bm_min_disparity(disparity) if bm_min_disparity is None else bm_min_disparity
@@ -43,13 +45,14 @@ def measure_files(
     guiss: bool,
     bm_min_disparity: int | None = None,
 ) -> dict[str, float]:
-    """All metrics of the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth``.
+    """Measure the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth`` by all
+    metrics.
 
-    Includes the variants ``dod_antisymmetric`` and ``dod_sampled``. With ``focal_baseline`` (px·m), which a disparity
-    needs, includes the metrics of disparities and those with ``total_``. With ``guiss``, includes the numbers of the
-    reference code: for a disparity with its constant and cuts, for a depth without. ``bm_min_disparity`` is the least
-    disparity of StereoBM if that gave the disparity; an npz of ``match`` contains it. Raises IcyMoonError for files
-    that do not fit.
+    These include the variants ``dod_antisymmetric`` and ``dod_sampled``. With ``focal_baseline`` (px·m), which a
+    disparity needs, they include the metrics of disparities and those with ``total_``. With ``guiss``, they include the
+    numbers of the reference code, with its constant and cuts for a disparity, without for a depth. ``bm_min_disparity``
+    is the least disparity of StereoBM if it made the disparity; an npz of ``match`` contains it. Raises IcyMoonError
+    for files that do not fit.
     """
     path = prediction or disparity
     assert path is not None
@@ -87,13 +90,15 @@ def measure_files(
 
 
 def _convert_depth_disparity(values: Array, focal_baseline: float) -> Array:
-    """Depth from disparity, or disparity from depth; NaN for invalid values."""
+    """Convert depth to disparity, or disparity to depth; NaN for invalid values."""
     good = is_usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
 
 
 def _read_bm_min_disparity(path: Path) -> int | None:
-    """The least disparity that the command match has written for StereoBM into an npz; None for any other file."""
+    """Read the least disparity that the command ``match`` has written for StereoBM into an npz; None for any other
+    file.
+    """
 
     def parse(foreign: ForeignBytes) -> int | None:
         if not _is_archive(foreign):
@@ -109,8 +114,9 @@ def _read_bm_min_disparity(path: Path) -> int | None:
 
 
 def read_map(path: Path) -> Array:
-    """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
-    otherwise."""
+    """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError for
+    another file.
+    """
     return read(
         path,
         _parse_map,

@@ -14,8 +14,7 @@ import numpy as np
 from ...support.arrays import Array
 from .depth_order import measure_depth_order_disagreement
 
-#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
-#: matcher.
+#: CPU seconds, elapsed seconds, seconds and MiB of a GPU, MiB of memory. The first two are known for every matcher.
 COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
 
 DEPTH_METRICS = (
@@ -33,13 +32,13 @@ DEPTH_METRICS = (
     "l1_rate_30",
     "l1_rate_100",
 )
-#: Key of a rate -> the depth error, m, above which it counts a pixel.
+#: Key of a rate -> the depth error, m, above which a pixel counts.
 L1_RATES = {"l1_rate_10": 0.10, "l1_rate_30": 0.30, "l1_rate_100": 1.00}
 #: Errors, m, of the cumulative curve: 1 cm to 10 m, ten steps per decade.
 ERROR_STEPS_M = tuple(float(f"{step:.4g}") for step in np.geomspace(0.01, 10.0, 31))
 #: Shares of the measurements that a sparsification curve keeps.
 KEPT_SHARES = tuple(k / 20 for k in range(1, 21))
-#: Key of a rate -> the disparity error, px, above which it counts a pixel.
+#: Key of a rate -> the disparity error, px, above which a pixel counts.
 BAD_RATES = {"bad_0_5": 0.5, "bad_1": 1.0, "bad_2": 2.0, "bad_3": 3.0}
 #: Key of a quantile of the disparity error (Middlebury's A50 and so on) -> the share of pixels below it.
 ERROR_QUANTILES = {"a50_px": 0.50, "a90_px": 0.90, "a95_px": 0.95, "a99_px": 0.99}
@@ -54,8 +53,9 @@ def is_usable(depth: Array) -> Array:
 
 
 def find_wrong_share(disparity: Array, truth: Array, judged: Array, most_px: float = 1.0) -> float:
-    """The share of the ``judged`` pixels, bool (H, W), whose disparity is missing or off by more than ``most_px``; NaN
-    without such pixels."""
+    """Find the share of the ``judged`` pixels, bool (H, W), whose disparity is missing or off by more than ``most_px``;
+    NaN without such pixels.
+    """
     if not judged.any():
         return float("nan")
     with np.errstate(invalid="ignore"):
@@ -64,7 +64,7 @@ def find_wrong_share(disparity: Array, truth: Array, judged: Array, most_px: flo
 
 
 class Errors:
-    """The errors of a prediction where it and the truth are usable: two arrays of the same shape."""
+    """The errors of a prediction where both prediction and truth, arrays of the same shape, are usable."""
 
     def __init__(self, prediction: Array, truth: Array) -> None:
         known = is_usable(truth)
@@ -75,25 +75,27 @@ class Errors:
         self.distance = np.abs(self.error)
 
     def within(self, step: float) -> int:
-        """Number of absolute errors up to ``step``."""
+        """Count the absolute errors up to ``step``."""
         return int(np.count_nonzero(self.distance <= step))
 
     def smallest(self, *ranks: int) -> Array:
-        """The absolute errors of these ranks in ascending order, the smallest is 0. This is faster than sorting."""
+        """Return the absolute errors with these ranks in ascending order; the smallest has rank 0. This is faster than
+        sorting.
+        """
         return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
     def wrong_by_kitti(self) -> int:
-        """Number of errors above 3 px and above 5 % of the true disparity."""
+        """Count the errors above 3 px and above 5 % of the true disparity."""
         return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
 
 
 def compute_depth_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
-    """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
+    """Compute metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
 
-    * ``l1_m`` mean |e|, ``median_m`` median |e|, ``rmse_m`` root of mean e², ``bias_m`` mean e,
-      ``abs_rel`` mean |e| / truth; ``l1_rate_10``, ``_30``, ``_100`` share of |e| > 0.10, 0.30, 1.00 m;
+    * ``l1_m`` mean |e|, ``median_m`` median |e|, ``rmse_m`` root of mean e², ``bias_m`` mean e, ``abs_rel`` mean |e| /
+      truth; ``l1_rate_10``, ``_30``, ``_100`` share of |e| > 0.10, 0.30, 1.00 m;
     * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the formula of the GUISS paper), computed as the
       variance of d in two passes, so that a prediction that is right except for its scale gives 0 and not rounding
       noise; ``si_rmse`` its root (which the code of the paper prints);
@@ -105,7 +107,7 @@ def compute_depth_metrics(prediction: Array, truth: Array) -> dict[str, float | 
 
 
 def compute_depth_metrics_of_errors(errors: Errors, dod: float) -> dict[str, float | int]:
-    """``compute_depth_metrics`` from errors in metres; ``dod``, which takes most of the time, is given."""
+    """Compute ``compute_depth_metrics`` from errors in metres. ``dod`` is given, because it takes most of the time."""
     n, distance, true = errors.error.size, errors.distance, errors.true
     result: dict[str, float | int] = dict.fromkeys(DEPTH_METRICS, float("nan"))
     result |= {"n": n, "coverage": n / errors.total if errors.total else float("nan")}
@@ -129,17 +131,17 @@ def compute_depth_metrics_of_errors(errors: Errors, dod: float) -> dict[str, flo
 
 
 def compute_disparity_metrics(prediction: Array, truth: Array) -> dict[str, float]:
-    """Metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
+    """Compute metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
 
-    ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
-    |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` the 50, 90,
-    95 and 99 % quantiles of |e| (Middlebury).
+    ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of |e| > 3
+    px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` the 50, 90, 95 and
+    99 % quantiles of |e| (Middlebury).
     """
     return compute_disparity_metrics_of_errors(Errors(prediction, truth))
 
 
 def compute_disparity_metrics_of_errors(errors: Errors) -> dict[str, float]:
-    """``compute_disparity_metrics`` from errors in px."""
+    """Compute ``compute_disparity_metrics`` from errors in px."""
     n = errors.distance.size
     if not n:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
@@ -154,7 +156,7 @@ def compute_disparity_metrics_of_errors(errors: Errors) -> dict[str, float]:
 def compute_total_metrics(
     depth: Array, true_depth: Array, disparity: Array, true_disparity: Array, dod: float
 ) -> dict[str, float]:
-    """TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
+    """Compute TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
 
     Rates are (wrong + missing) / true. For quantiles (``median_m`` is one) a missing measurement has an infinite error,
     so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
@@ -164,7 +166,7 @@ def compute_total_metrics(
 
 
 def compute_total_metrics_of_errors(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
-    """``compute_total_metrics`` from errors of depth and disparity."""
+    """Compute ``compute_total_metrics`` from errors of depth and disparity."""
     total, measured = errors_m.total, errors_m.error.size
     if not total:
         return dict.fromkeys(TOTAL_METRICS, float("nan"))
@@ -185,8 +187,8 @@ def _find_quantiles_by_name(errors: Errors, total: int) -> dict[str, float]:
 
 
 def _find_quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[float]:
-    """For each share the smallest error that at least this share of ``total`` pixels does not exceed; infinite if too
-    few pixels are measured.
+    """Find, for each share, the smallest error that at least this share of ``total`` pixels does not exceed; infinite
+    if too few pixels are measured.
 
     It is always one of the errors, never a mean of two, so that infinite errors need no other rule.
     """
@@ -197,7 +199,8 @@ def _find_quantiles(errors: Errors, shares: Sequence[float], total: int) -> list
 
 
 def compute_error_curve(prediction: Array, truth: Array) -> list[float]:
-    """Share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without truth.
+    """Compute the share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without
+    truth.
 
     A missing measurement counts as outside every limit, so the curve ends at the coverage and shows coverage and
     accuracy together.
@@ -206,20 +209,21 @@ def compute_error_curve(prediction: Array, truth: Array) -> list[float]:
 
 
 def compute_error_curve_of_errors(errors: Errors) -> list[float]:
-    """``compute_error_curve`` from errors in metres."""
+    """Compute ``compute_error_curve`` from errors in metres."""
     if not errors.total:
         return [float("nan")] * len(ERROR_STEPS_M)
     return [errors.within(step) / errors.total for step in ERROR_STEPS_M]
 
 
 def sort_by_confidence(confidence: Array) -> Array:
-    """The indices of all pixels, the most confident first; pixels of equal confidence keep the order of the image.
+    """Return the indices of all pixels, the most confident first; pixels of equal confidence keep the order of the
+    image.
 
     Confidence is compared in single precision: its bits are sorted in two halves, which is four times as fast as
     sorting numbers.
     """
     with np.errstate(over="ignore"):
-        # Adding 0 turns -0 into 0, which sorts alike.
+        # Adding 0 turns -0 into 0, so that both sort alike.
         bits = (confidence.ravel() + 0.0).astype(np.float32).view(np.uint32)
     descending = np.where(bits >> 31, bits, ~bits ^ 0x80000000)
     order = np.argsort(descending.astype(np.uint16), kind="stable")
@@ -227,10 +231,10 @@ def sort_by_confidence(confidence: Array) -> Array:
 
 
 def compute_sparsification(error_px: Array) -> list[float]:
-    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if all are missing.
+    """Compute the mean |error| of the most confident measurements, for each of KEPT_SHARES; NaN if all are missing.
 
-    ``error_px`` (pixels,) is in the order of ``sort_by_confidence``, and NaN where nothing was measured. In ascending
-    order it gives the best possible curve.
+    ``error_px`` (pixels,) is in the order of ``sort_by_confidence``, and NaN where nothing was measured. Errors in
+    ascending order give the best possible curve.
     """
     errors = error_px[np.isfinite(error_px)]
     if not errors.size:

@@ -1,4 +1,4 @@
-"""Metrics of packages that the user installed, which every evaluation measures beside ours."""
+"""Metrics from packages that the user installed. Every evaluation measures them beside ours."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _OTHER_COLUMNS = ("pair", "method", "status", "error")
 
 
 def find_plugins() -> Found:
-    """The metrics of packages that are installed in this Python."""
+    """Find the metrics of packages that are installed in this Python."""
     return find_installed("metric", (*NUMBERS, *_OTHER_COLUMNS))
 
 
@@ -60,7 +60,7 @@ class MeasuredMap:
 
 
 def make_measured_map(prepared: PreparedPair, disparity: Array) -> MeasuredMap:
-    """A disparity map and the truth of its pair, copied so that a plug-in cannot change our data."""
+    """Copy a disparity map and the truth of its pair, so that a plug-in cannot change our data."""
     found, camera = np.where(is_usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
     return MeasuredMap(
         found,
@@ -90,7 +90,9 @@ class PluginMetric:
             raise IcyMoonError(f"{plugin.title} states DECIMALS = {self.decimals!r}; give a number from 0 to 9.")
 
     def measure(self, found: MeasuredMap) -> float | None:
-        """The number, None if it is undefined. Raises IcyMoonError if the plug-in fails or returns no number."""
+        """Measure the metric of a map; None if it is undefined. Raises IcyMoonError if the plug-in fails or returns no
+        number.
+        """
         with explain_failures(self.plugin), np.errstate(all="ignore"):
             value = self._measure(found)
         if isinstance(value, bool) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
@@ -101,7 +103,7 @@ class PluginMetric:
         return none_if_not_finite(float(value))
 
     def to_json(self) -> dict[str, Any]:
-        """The report's entry about the metric."""
+        """Return the report's entry about the metric."""
         return {
             "name": self.plugin.name,
             "heading": self.heading,
@@ -112,13 +114,13 @@ class PluginMetric:
         }
 
     def inputs(self) -> list[Any]:
-        """Everything that determines its numbers besides the pair and the disparity."""
+        """List everything that determines the metric's numbers besides the pair and the disparity."""
         files = find_source_files(self.loaded)
         return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
 
 
 def load_plugin_metrics() -> tuple[list[PluginMetric], list[str]]:
-    """Load the metrics of plug-ins that can be measured, and a sentence about each that cannot."""
+    """Load the metrics of plug-ins; return those that can be measured, and a sentence about each that cannot."""
     found = find_plugins()
     metrics, faults = [], list(found.refused.values())
     for plugin in found.usable.values():
@@ -135,8 +137,9 @@ def _load_metric(plugin: Plugin) -> PluginMetric:
 
 
 def measure_plugin_metrics(prepared: PreparedPair, disparity: Array) -> dict[str, Any]:
-    """The part of a row that is from plug-ins: ``plug_ins``, a number or None by name, and ``plug_in_faults``, a
-    sentence by name where one failed."""
+    """Measure the metrics of plug-ins for a row: ``plug_ins``, a number or None by name, and ``plug_in_faults``, a
+    sentence by name for each that failed. {} without plug-ins.
+    """
     measured: dict[str, float | None] = {}
     faults: dict[str, str] = {}
     metrics, _ = load_plugin_metrics()

@@ -1,4 +1,4 @@
-"""Preparing a pair for matching and measuring: checking, reading and developing it."""
+"""Prepare a pair for matching and measuring: check, read and develop it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LoadedPair:
 
     pair: Pair
     settings: Settings
-    light: dict[str, Light]  # the light that falls into the eyes, see views.read_eye
+    light: dict[str, Light]  # the light at the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
     images: DevelopedImages
     depth: dict[str, Array]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
@@ -57,21 +57,23 @@ class MeasuredPair(Protocol):
 
     @property
     def name(self) -> str:
-        """The pair's name in results."""
+        """The name of the pair in results."""
 
     @property
     def folder(self) -> Path:
-        """The pair's folder, for messages."""
+        """The folder of the pair, for messages."""
 
     @property
     def camera(self) -> StereoCamera:
         """The parallel rig of the pair's images."""
 
     def rectified_pose(self, eye: str) -> Array | None:
-        """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
+        """Return the matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not
+        known.
+        """
 
     def row_poses(self, eye: str) -> Array | None:
-        """The ``rectified_pose``; with a rolling shutter one pose for each row, (H, 4, 4)."""
+        """Return the ``rectified_pose``; with a rolling shutter one pose for each row, (H, 4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -88,18 +90,18 @@ class PreparedPair:
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
-    occlusion_known: bool = True  # if false, ``visible`` only leaves out points outside the right image
+    occlusion_known: bool = True  # if false, ``visible`` is only false for points outside the right image
     images: DevelopedImages | None = None  # as developed; None for a pair that was not rendered here
     assumed_camera: StereoCamera | None = None  # the camera of an erroneous calibration; None if it is the pair's
 
     @property
     def depth_camera(self) -> StereoCamera:
-        """The parallel rig by which measured disparities become depths."""
+        """The parallel rig that converts measured disparities to depths."""
         return self.assumed_camera or self.pair.camera
 
     @cached_property
     def known(self) -> Array:
-        """Boolean (H, W): whether the pixel has a true depth."""
+        """Mask (H, W), bool, of the pixels that have a true depth."""
         return is_usable(self.truth)
 
     @cached_property
@@ -119,7 +121,7 @@ class PreparedPair:
 
 
 def list_distinct_pairs(paths: Sequence[Path]) -> list[Path]:
-    """The folders of all pairs at ``paths``, each pair once.
+    """List the folders of all pairs at ``paths``, each pair once.
 
     Raises IcyMoonError if no pair is found, or if two different pairs have the same name.
     """
@@ -134,7 +136,7 @@ def list_distinct_pairs(paths: Sequence[Path]) -> list[Path]:
 def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: bool = False) -> LoadedPair:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
-    For ``measuring``, data that only exports need is not read, for speed. Raises IcyMoonError with the name of the file
+    For ``measuring``, data that only exports need is skipped, for speed. Raises IcyMoonError with the name of the file
     if a file in the folder has changed since it was rendered.
     """
     pair = read_unchanged_pair(folder)
@@ -207,13 +209,13 @@ def _judge_noise(loaded: LoadedPair) -> RenderNoise:
 
 
 def _describe_baked_light(pair: Pair) -> dict[str, float] | None:
-    """Noise of baked light over all light, its share of the light, and the limit in the settings; None without baked
-    light.
+    """Return the noise of baked light over all light, the share of baked light, and the limit in the settings; None
+    without baked light.
     """
     stated = pair.data.get("indirect")
     if not isinstance(stated, dict) or stated.get("method") != "BAKED":
         return None
-    # Pairs of older versions state only the noise of a bake with the same noise everywhere on the ground.
+    # Pairs of older versions state only one noise, as if it were the same everywhere on the ground.
     numbers = {"noise": stated.get("noise_of_image", stated.get("noise")), "share": stated.get("share")}
     return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
         "bound": float(pair.settings.quality.bake_noise)
@@ -221,8 +223,8 @@ def _describe_baked_light(pair: Pair) -> dict[str, float] | None:
 
 
 def _list_unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
-    """The passes of an eye that a measurement does not need, or that are read separately. Light groups are needed only
-    to scale them.
+    """List the passes of an eye that a measurement does not need, or that are read separately. Light groups are needed
+    only to scale them.
     """
     scaled = is_light_scaled(settings)
     return (
@@ -234,8 +236,9 @@ def _list_unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
 
 
 def find_baked_error_level(loaded: LoadedPair) -> Numbers | None:
-    """Grey levels of 255 that a possible error of baked light, as large as the actual one, adds to the left image of
-    the matchers: 0 if no light is baked, None if the pair does not contain the error."""
+    """Find the grey levels of 255 by which the error of baked light may change the matchers' left image; the possible
+    error is as large as the actual one. 0 if no light is baked, None if the pair does not contain the error.
+    """
     if _describe_baked_light(loaded.pair) is None:
         return 0.0
     errors = read_baked_error(loaded.pair, "left")
@@ -246,8 +249,9 @@ def find_baked_error_level(loaded: LoadedPair) -> Numbers | None:
 
 
 def compute_noise_free_level(loaded: LoadedPair, eye: str, more: Numbers = 0.0) -> Array:
-    """An eye's image as the matchers see it, with ``more`` light (H, W) in all bands, in grey levels of 255, without
-    noise and rounding of the sensor."""
+    """Compute an eye's image as the matchers see it, in grey levels of 255, but without the sensor's noise and
+    rounding. ``more`` light (H, W) is added in all bands.
+    """
     settings = loaded.settings
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     radiance = scale_radiance(loaded.views[eye], loaded.pair, settings)
@@ -258,12 +262,12 @@ def compute_noise_free_level(loaded: LoadedPair, eye: str, more: Numbers = 0.0) 
 
 
 def none_if_not_finite(value: float) -> float | None:
-    """The number, or None, which is JSON's null, where it is not finite."""
+    """Return the number, or None, which is JSON's null, if it is not finite."""
     return value if math.isfinite(value) else None
 
 
 def make_self_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
-    """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
+    """Make the left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
     left, right = (
         Eye(
             average_bands(views[eye].radiance),
@@ -277,14 +281,15 @@ def make_self_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, Vie
 
 
 def _find_sensor_view(pair: Pair, settings: Settings, eye: str) -> Array:
-    """Boolean (H, W): the pixels in the sensor's field of view. Eyes that are toed in or calibrated do not cover all
-    pixels."""
+    """Find the pixels, bool (H, W), in the sensor's field of view. Eyes that are toed in or calibrated do not cover all
+    pixels.
+    """
     lens = make_lens(pair.camera, settings.rig, eye) if pair.camera.looks_elsewhere else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
 def _label_unseen(view: View, seen: Array) -> View:
-    """The view, with NOT_SEEN as its label where nothing is ``seen``."""
+    """Return the view, with NOT_SEEN as its label where nothing is ``seen``."""
     if seen.all():
         return view
     return replace(

@@ -4,11 +4,12 @@ The right image is warped to the left image by the true disparity. The differenc
 from interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
 texture is weaker than the noise (signal-to-noise ratio below 1), matchers compare noise.
 
-Noise of baked light is fixed to the ground, so it does not differ between the eyes: matchers take it for texture. The
-pair contains a possible error as large as its baked light's; the variance of that error around a pixel counts as noise.
+Noise of baked light is fixed to the ground, so it does not differ between the eyes, and matchers take it for texture.
+The pair contains a possible error as large as its baked light's; the variance of that error around a pixel counts as
+noise.
 
 The images are the matchers' without the noise and the rounding of the sensor, which belong to the evaluation. Light and
-shadow are judged apart: a few grey levels decide in shadow, and say nothing in the light.
+shadow are judged apart: a few grey levels decide in shadow, and mean nothing in the light.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ UNKNOWN = "unknown"
 #: Sources of the larger part of the noise.
 RENDER, BAKE = "render", "bake"
 #: Largest shares of the lit or shaded pixels with more noise than texture for the verdicts CLEAN and NOISY. On ten
-#: scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3 points, and 5
-#: % at most 1.5.
+#: scenes, with 64 down to 8 samples, each per cent of such pixels cost SGBM 0.09 to 0.31 points. So 1 % costs at most
+#: 0.3 points, and 5 % at most 1.5.
 VERDICT_LIMITS = ((0.01, CLEAN), (0.05, NOISY))
 #: Least share of the image for light or shadow to count.
 _MIN_PART_SHARE = 0.05
@@ -40,7 +41,7 @@ _SHADOW_SHARE, _SHADOW_QUANTILE, _BLUR_PX = 0.25, 0.9, 3.0
 #: Sides of the squares in which texture and noise are measured, px.
 _TEXTURE_PX, _NOISE_PX = 5, 9
 #: Upper bounds of the ratio of texture to noise, and the share of pixels within them that SGBM gets wrong or misses on
-#: rough ice in a low Sun; without noise 1 %. On ten scenes the sum was more than noise changed, 1.1 to 10 times.
+#: rough ice in a low Sun; without noise 1 %. On ten scenes the sum was 1.1 to 10 times the share that noise changed.
 _RATIO_BOUNDS, _WRONG_SHARES, _WRONG_WITHOUT_NOISE = (
     (0.5, 1.0, 2.0, 4.0),
     np.array([0.45, 0.30, 0.12, 0.025, 0.01]),
@@ -54,7 +55,7 @@ _DEVIATION_OF_MEDIAN = 1.4826
 
 @dataclass(frozen=True)
 class LightPart:
-    """Noise of the pixels in sunlight, or of those in shadow."""
+    """Noise of the pixels in sunlight, or of the pixels in shadow."""
 
     share: float  # share of the pixels that could be compared
     noise_dn: float | None  # standard deviation of the noise of one eye, in grey levels of 255
@@ -68,7 +69,7 @@ class RenderNoise:
     """The noise of a pair. ``verdict`` is CLEAN, NOISY, DECIDES or UNKNOWN; None if nothing could be compared."""
 
     verdict: str | None
-    larger: str | None  # RENDER or BAKE, the source of most of the noise that hides most; None if nothing is hidden
+    larger: str | None  # RENDER or BAKE, the source of the larger part of the hiding noise; None if nothing is hidden
     lit: LightPart
     shadow: LightPart
     #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground. Smaller
@@ -77,13 +78,13 @@ class RenderNoise:
 
     @property
     def hidden(self) -> float | None:
-        """The share of pixels hidden by noise in light or in shadow, the larger of both, among parts of at least a
-        twentieth of the image.
+        """The share of pixels that noise hides in light or in shadow, whichever is larger. A part that is smaller than
+        a twentieth of the image does not count.
         """
         return _find_worst_part(self.lit, self.shadow)[0] if self.verdict else None
 
     def to_json(self) -> dict[str, Any]:
-        """The noise as JSON, for the facts of a pair."""
+        """Return the noise as JSON, for the facts of a pair."""
         return asdict(self)
 
 
@@ -121,8 +122,8 @@ def judge_render_noise(
 
 
 def measure_hidden_share(difference: Array, converged: Array, visible: Array) -> float | None:
-    """The share of pixels that the noise of a render truly hides, where a converged render of it is known: the estimate
-    of the verdict from the render alone. None if nothing is ``visible``.
+    """Measure the share of pixels that the noise of a render truly hides, if a converged render is known. The verdict
+    estimates this share from the render alone. None if nothing is ``visible``.
 
     ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
     than the converged image does. A difference that is the same all around changes no pattern, and so no match.
@@ -142,7 +143,7 @@ def measure_hidden_share(difference: Array, converged: Array, visible: Array) ->
 
 
 def _find_shadow(left: Array, known: Array) -> Array:
-    """Pixels (H, W), bool, in shadow, which are much darker than most ``known`` pixels."""
+    """Find the pixels, bool (H, W), in shadow, which are much darker than most ``known`` pixels."""
     if not known.any():
         return np.zeros(left.shape, bool)
     blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
@@ -150,8 +151,8 @@ def _find_shadow(left: Array, known: Array) -> Array:
 
 
 def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
-    """The largest ``hidden`` share of the parts with at least _MIN_PART_SHARE of the pixels, and the share of it that
-    baked light causes.
+    """Find the largest ``hidden`` share of the parts with at least _MIN_PART_SHARE of the pixels, and the share of it
+    that baked light causes.
     """
     return max(
         (part.hidden, part.by_bake or 0.0)
@@ -161,7 +162,7 @@ def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
 
 
 def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
-    """The noise of one eye (H, W), and the pixels with known noise."""
+    """Measure the noise of one eye (H, W); also return the pixels with known noise."""
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
     width = left.shape[1]
@@ -181,7 +182,7 @@ def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) 
 
 
 def _compute_cubic_weights(t: Array) -> tuple[Array, ...]:
-    """Weights of the four columns around a fractional one (Catmull and Rom)."""
+    """Compute the weights of the four columns around a fractional one (Catmull and Rom)."""
     return (
         t * (-0.5 + t * (1 - 0.5 * t)),
         1 + t * t * (-2.5 + 1.5 * t),
@@ -191,7 +192,7 @@ def _compute_cubic_weights(t: Array) -> tuple[Array, ...]:
 
 
 def _compute_local_variance(image: Array) -> Array:
-    """Variance (H, W) around each pixel."""
+    """Compute the variance (H, W) around each pixel."""
     values = image.astype(np.float64)
     mean, square = (
         cv2.boxFilter(each, -1, (_TEXTURE_PX, _TEXTURE_PX), borderType=cv2.BORDER_REPLICATE)
@@ -201,7 +202,7 @@ def _compute_local_variance(image: Array) -> Array:
 
 
 def _average_around(values: Array, known: Array) -> Array:
-    """Mean (H, W) of the known values around each pixel; 0 without known values."""
+    """Average the known values around each pixel, (H, W); 0 without known values."""
     count, total = (
         cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
         for each in (known.astype(np.float64), np.where(known, values, 0.0))
@@ -210,9 +211,10 @@ def _average_around(values: Array, known: Array) -> Array:
 
 
 def _compute_texture_over_noise(left: Array, noise: Array) -> Array:
-    """Ratio (H, W) of the standard deviations of texture and of noise, whose variance is given; infinite without noise.
+    """Compute the ratio (H, W) of the standard deviations of texture and of noise; infinite without noise. ``noise`` is
+    a variance.
 
-    Pixels with neither texture nor noise are not counted against the noise.
+    A pixel with neither texture nor noise does not count as noisy.
     """
     texture = np.maximum(_compute_local_variance(left) - noise, 0.0)
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN**2))
@@ -233,5 +235,5 @@ def _judge_part(error: Array, baked: Array | None, ratio: Array, is_bake: Array,
 
 
 def _compute_robust_deviation(values: Array) -> float:
-    """The standard deviation of values, robust to outliers."""
+    """Compute the standard deviation of values, robust to outliers."""
     return float(_DEVIATION_OF_MEDIAN * np.median(np.abs(values - np.median(values))))

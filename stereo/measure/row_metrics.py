@@ -46,15 +46,15 @@ NUMBERS = (
 
 
 def disparity_to_depth(prepared: PreparedPair, disparity: Array) -> Array:
-    """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
+    """Convert a disparity map to planar depth in m, float64; NaN where there is no valid disparity."""
     return np.where(is_usable(disparity), prepared.depth_camera.depth(disparity), np.nan)
 
 
 def measure_row_numbers(
     prepared: PreparedPair, disparity: Array, bm_min_disparity: int | None = None
 ) -> dict[str, Any]:
-    """NUMBERS except COSTS, and ``error_curve``, ``sparsification``, ``strata`` and ``histograms``, of a
-    disparity map.
+    """Measure a disparity map: NUMBERS except COSTS, and ``error_curve``, ``sparsification``, ``strata`` and
+    ``histograms``.
 
     ``bm_min_disparity``: see ``guiss_reference_code.compute_reference_metrics``.
     """

@@ -1,9 +1,9 @@
 """The self-check: whether the two eyes of a pair agree with each other and with the truth.
 
 A pair that fails counts in no average, so a sound pair must never fail, however difficult it is: a pair fails only by
-more than its own uncertainty. A pixel is seen, sky, or not seen at all (a toed-in eye does not see all that a parallel
-one does); pixels that are not seen are ignored. ``python benchmarks selfcheck`` measures how often a sound pair fails
-and which faults are found.
+more than its own uncertainty. A pixel is seen, sky, or not seen (a toed-in eye does not see the whole view of a
+parallel one); pixels that are not seen are ignored. ``python benchmarks selfcheck`` measures how often a sound pair
+fails and which faults are found.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
 #: Standard errors beyond which a number counts as wrong. Normal errors exceed them once in a million cases, but
 #: highlights and edges of shadows in neighbouring tiles are correlated.
 MAX_STANDARD_ERRORS = 5.0
-#: Least gain of the correlation by a shift, in standard errors. A wide highlight has its peak elsewhere, but so flat
-#: that the gain is small.
+#: Least gain of the correlation by a shift, in standard errors. A wide highlight moves the peak, but then the peak is
+#: so flat that the gain is small.
 GAIN_ERRORS = 3.0
 #: Largest shift of the light, px, of a sound pair.
 LIGHT_LIMIT_PX = 0.25
-#: A lower correlation of the light determines nothing.
+#: Least correlation of the light that determines anything.
 MIN_CORRELATION = 0.3
 #: Largest share, in a sound pair, of the places found in both images that are not where the truth has them.
 FOREIGN_LIMIT = 0.05
@@ -63,11 +63,11 @@ class Eye:
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """The result. A number is None if common pixels, relief, light or texture are missing."""
+    """The result of the self-check. A number is None if common pixels, relief, light or texture are missing."""
 
     photometric_disagreement: float | None  # median relative difference of left and right radiance of a point
     photometric_offset_px: float | None  # shift of the right image that fits best; 0 in a right pair
-    photometric_error_px: float | None  # standard error of that
+    photometric_error_px: float | None  # standard error of ``photometric_offset_px``
     truth_offset_px: float | None  # shift of the right eye's truth that fits best
     contradictions: float | None  # share of an eye's pixels whose point the other eye sees through
     problems: tuple[str, ...]
@@ -78,12 +78,12 @@ class SelfCheck:
         return not self.problems
 
     def to_json(self) -> dict[str, Any]:
-        """For pair facts and rows."""
+        """Return the check as JSON, for the facts of a pair and for rows."""
         return {"ok": self.ok, **asdict(self), "problems": list(self.problems)}
 
 
 def find_visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Array]:
-    """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
+    """Find, per eye, the pixels, bool (H, W), that show a point which the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
     found = {
         "left": find_visible_in_right(first, second, camera, left.hidden),
@@ -133,7 +133,7 @@ def _find_contradictions(share: float | None) -> Iterator[str]:
 def _find_light_problems(
     left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera, column: Array, light: LightOffsets
 ) -> Iterator[str]:
-    """At most one problem: once the images are exchanged, no other problem can be found."""
+    """Yield at most one problem, because no other problem can be found once the images are exchanged."""
     shifts = [
         f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
         for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
@@ -162,12 +162,13 @@ def _find_light_problems(
 
 
 def _determines_fit(light: LightOffsets) -> bool:
-    """Whether the light determines where it fits."""
+    """Return whether the light determines the shift at which it fits."""
     return light.correlation > MIN_CORRELATION and light.tiles >= FEWEST_TILES
 
 
 def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:
-    """Median relative difference of the left radiance and the right radiance, moved by the true disparity.
+    """Measure the median relative difference between the left radiance and the right radiance moved by the true
+    disparity; None if nothing is visible.
 
     In a good pair this is render noise and the part of the light that is not Lambertian. With a wrong f·B or exchanged
     eyes it is the whole contrast of the texture.
@@ -183,7 +184,7 @@ def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) 
 
 
 def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
-    """The share of pixels that are transparent to the other eye, of the eye with the larger share."""
+    """Measure the share of an eye's pixels that the other eye sees through, for the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
     shares = [
         _measure_seen_through(disparity, other, find_matching_column(disparity)),
@@ -193,8 +194,8 @@ def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> floa
 
 
 def _measure_seen_through(disparity: Array, other: Array, column: Array) -> float | None:
-    """The share of pixels, of those whose point falls into the other image, for which both columns around the point
-    show something farther.
+    """Measure the share of pixels through which the other eye sees: both columns around their point show something
+    farther. Only points inside the other image count; None if they are too few.
     """
     with np.errstate(invalid="ignore"):
         inside = (column >= 0) & (column <= column.shape[1] - 1)

@@ -20,7 +20,7 @@ _OF_A_FRAME = (
 
 
 def make_sequence_key(settings: Settings) -> str:
-    """A key of a sequence: equal texts for its frames; empty for a pair outside any sequence."""
+    """Make a key of a sequence, equal for all its frames; "" for a pair outside any sequence."""
     if not settings.rig.stamp:
         return ""
     rig = {key: value for key, value in settings.rig.items() if key not in _OF_A_FRAME}
@@ -28,8 +28,9 @@ def make_sequence_key(settings: Settings) -> str:
 
 
 def sort_by_time(folders: Sequence[Path]) -> list[Path]:
-    """Folders of pairs, each sequence in the order of time, at the position of its first frame. Other folders keep
-    their order, also unreadable ones."""
+    """Sort folders of pairs: each sequence by time, at the position of its first frame. Other folders keep their order,
+    also unreadable ones.
+    """
     restore, places = Restorer(), dict[str, int]()
     order = []
     for k, folder in enumerate(folders):

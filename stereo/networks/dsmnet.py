@@ -13,7 +13,7 @@ from torch.nn import functional as F  # noqa: N812, its usual name
 from .dsmnet_layers import BasicConv, CostAggregation, DomainNorm, Features, Guidance
 
 SIZE_STEP = 64  # image sides are multiples of this
-DISPARITY_STEP = 16  # and max_disparity of this
+DISPARITY_STEP = 16  # max_disparity is a multiple of this
 
 
 class DSMNet(nn.Module):
@@ -36,10 +36,10 @@ class DSMNet(nn.Module):
         self.cost_agg = CostAggregation(max_disparity)
 
     def forward(self, left: Tensor, right: Tensor) -> Tensor:
-        """Disparity of the left image, (N, H, W) px.
+        """Compute the disparity of the left image, (N, H, W) px.
 
-        Images are RGB (N, 3, H, W), every channel of the whole image at mean 0 and variance 1, sides
-        multiples of 64.
+        Images are RGB (N, 3, H, W), with sides that are multiples of 64. Every channel of the whole image has mean 0
+        and variance 1.
         """
         features, features_right = self.feature(torch.cat((left, right))).chunk(2)
         volume = concatenate_shifts(self.conv_x(features), self.conv_y(features_right), self.max_disparity // 4 + 1)
@@ -49,7 +49,9 @@ class DSMNet(nn.Module):
 
 
 def concatenate_shifts(left: Tensor, right: Tensor, planes: int) -> Tensor:
-    """(N, 2 C, planes, h, w): left features beside the right features at every shift; 0 outside the right image."""
+    """Concatenate left features with the right features at every shift, (N, 2 C, planes, h, w); 0 outside the right
+    image.
+    """
     count, channels, height, width = left.shape
     volume = left.new_zeros(count, 2 * channels, planes, height, width)
     for shift in range(min(planes, width)):

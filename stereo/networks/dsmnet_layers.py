@@ -1,7 +1,7 @@
 """The parts of DSMNet: domain normalisation, features, guidance, volume aggregation.
 
-Attribute names come from the official code, feihuzhang/DSMNet (MIT), since they are the keys of its
-checkpoints; some of the layers in a checkpoint served its training only.
+Attribute names come from the official code, feihuzhang/DSMNet (MIT), because they are the keys of its checkpoints; some
+layers of a checkpoint served its training only.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .recursive_filters import aggregate_semi_global, filter_non_local
 
 
 class DomainNorm(nn.Module):
-    """Every pixel's channels to unit length, then every channel of the image to mean 0 and variance 1."""
+    """Scales every pixel's channels to unit length, then every channel of the image to mean 0 and variance 1."""
 
     def __init__(self, channels: int, unit_length: bool = True) -> None:
         super().__init__()
@@ -46,7 +46,7 @@ class BasicConv(nn.Module):
         self.bn: nn.Module
         if volume:
             kind = nn.ConvTranspose3d if deconv else nn.Conv3d
-            # A deconvolution makes 2 D - 1 planes of D: plane 0 and the last one stay at the ends.
+            # A deconvolution makes 2 D - 1 planes from D planes: the first and the last one stay at the ends.
             self.conv = kind(inputs, outputs, (3, 4, 4) if deconv else 3, stride, 1, bias=False)
             self.bn = nn.BatchNorm3d(outputs)
         else:
@@ -61,7 +61,9 @@ class BasicConv(nn.Module):
 
 
 class ResizeAndJoin(nn.Module):
-    """Resizes to half the size, or to twice with ``deconv``, and joins the result with features of that size."""
+    """Resizes features to half the size, or to twice the size with ``deconv``, and joins them with other features of
+    that size.
+    """
 
     def __init__(self, inputs: int, outputs: int, deconv: bool = False, volume: bool = False) -> None:
         super().__init__()
@@ -73,7 +75,7 @@ class ResizeAndJoin(nn.Module):
 
 
 class NLFilter(nn.Module):
-    """The non-local filter with weights from the features themselves."""
+    """The non-local filter with weights from the filtered features."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -85,7 +87,7 @@ class NLFilter(nn.Module):
 
 
 class Pyramid(nn.Module):
-    """Means over 2, 4, 8 and 16 px beside the features."""
+    """Joins the features with their means over 2, 4, 8 and 16 px."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -106,7 +108,7 @@ class Pyramid(nn.Module):
 
 
 class Features(nn.Module):
-    """(N, 3, H, W) to (N, 32, H/4, W/4), through two hourglasses."""
+    """Computes features (N, 32, H/4, W/4) of images (N, 3, H, W), through two hourglasses."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -149,7 +151,9 @@ class Features(nn.Module):
 
 
 class _Similarities(nn.Module):
-    """(N, 9, H, W): cosine between a pixel's channels and its 3 x 3 neighbours' channels, scaled to a sum of 1."""
+    """Computes the cosines between a pixel's channels and its 3 x 3 neighbours' channels, (N, 9, H, W), scaled to a sum
+    of 1.
+    """
 
     def forward(self, x: Tensor) -> Tensor:
         height, width = x.shape[2:]
@@ -163,7 +167,7 @@ class _Similarities(nn.Module):
 
 
 class Guidance(nn.Module):
-    """(N, 64, H, W) to the 20 weights of every aggregation, at 1/4 and 1/8 of the size."""
+    """Computes the 20 weights of every aggregation, at 1/4 and 1/8 of the size, from features (N, 64, H, W)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -201,7 +205,7 @@ class SGABlock(nn.Module):
 
 
 class Disparity(nn.Module):
-    """(N, 32, D, h, w) to (N, 4 h, 4 w): the mean disparity under the softmin of the costs."""
+    """Computes the mean disparity under the softmin of the costs, (N, 4 h, 4 w) px, from a volume (N, 32, D, h, w)."""
 
     def __init__(self, max_disparity: int) -> None:
         super().__init__()
@@ -217,7 +221,7 @@ class Disparity(nn.Module):
 
 
 class CostAggregation(nn.Module):
-    """(N, 64, D, h, w) to the disparity, through two hourglasses."""
+    """Computes the disparity from a volume (N, 64, D, h, w), through two hourglasses."""
 
     def __init__(self, max_disparity: int) -> None:
         super().__init__()

@@ -1,9 +1,9 @@
 """icynet: a small stereo network for icy ground, for any size and search range, with a confidence.
 
-Features at 1/2 and 1/4 of the size; a correlation by groups over the disparities; an hourglass of 2D convolutions whose
-channels are shifted along the disparity, so that the search range may be any; a refinement at 1/2; convex upsampling
-(Teed and Deng 2020, RAFT). The shift along an axis in place of a 3D convolution is Lin et al. 2019 (TSM). New weights
-follow from the seed of PyTorch.
+It computes features at 1/2 and 1/4 of the size, and correlates them by groups over the disparities. An hourglass of 2D
+convolutions shifts its channels along the disparity, so that the search range is free. A refinement at 1/2 and convex
+upsampling (Teed and Deng 2020, RAFT) follow. The shift along an axis replaces a 3D convolution, as in Lin et al. 2019
+(TSM). New weights follow from the seed of PyTorch.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ from .icynet_file import count_levels
 
 #: Width in px of the window in which brightness is normalized, and the least deviation in it.
 _WINDOW_PX, _MIN_DEVIATION = 15, 0.01
-#: Levels of 4 px on each side of the best, among which a mean is taken.
+#: Levels of 4 px on each side of the best level that are averaged.
 _REACH_LEVELS = 2
-#: Shifts at half size on each side that the refinement looks at.
+#: Shifts at half size on each side that the refinement compares, px.
 _REACH_HALF_PX = 3
 
 
 def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
-    """A convolution, a normalisation by batches, which is a part of the convolution in use, and a leaky ReLU."""
+    """Make a convolution, a batch normalisation, which becomes part of the convolution at inference, and a
+    leaky ReLU.
+    """
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(outputs),
@@ -60,7 +62,7 @@ class _Features(nn.Module):
 
 
 class _Volume(nn.Module):
-    """A convolution of volumes (N, D, C, H, W): a quarter of the channels comes from either neighbouring disparity."""
+    """A convolution of volumes (N, D, C, H, W). A quarter of the channels comes from each neighbouring disparity."""
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
         super().__init__()
@@ -77,13 +79,13 @@ class _Volume(nn.Module):
 
 
 def _halve_levels(x: Tensor) -> Tensor:
-    """Volumes (N, D, C, H, W) with pairs of disparities as channels, (N, D/2, 2 C, H, W)."""
+    """Turn pairs of disparities of volumes (N, D, C, H, W) into channels, (N, D/2, 2 C, H, W)."""
     n, d, c, h, w = x.shape
     return x.reshape(n, d // 2, 2 * c, h, w)
 
 
-def _double(x: Tensor) -> Tensor:
-    """Volumes with twice the disparities, rows and columns."""
+def _double_size(x: Tensor) -> Tensor:
+    """Double the disparities, rows and columns of volumes."""
     n, d, c, _, _ = x.shape
     wide = F.interpolate(x.flatten(0, 1), scale_factor=2, mode="nearest")
     wide = wide.view(n, d, 1, c, *wide.shape[-2:]).expand(-1, -1, 2, -1, -1, -1)
@@ -91,14 +93,15 @@ def _double(x: Tensor) -> Tensor:
 
 
 class _Hourglass(nn.Module):
-    """Costs (N, D, H, W), higher for better disparities, from correlations (N, D, groups, H, W)."""
+    """Computes costs (N, D, H, W), higher for better disparities, from correlations (N, D, groups, H, W)."""
 
     def __init__(self, groups: int) -> None:
         super().__init__()
         self.enter = _Volume(groups, 12)
         self.down = nn.ModuleList([_Volume(24, 24, 2), _Volume(48, 48, 2)])
         self.keep = nn.ModuleList([_Volume(24, 24), _Volume(48, 48)])
-        # Narrowed before it is doubled, and added: a convolution of both side by side costs three times as much.
+        # Volumes are narrowed before they are doubled, and then added: a convolution of both side by side costs three
+        # times as much.
         self.narrow = nn.ModuleList([_Volume(48, 24), _Volume(24, 12)])
         self.up = nn.ModuleList([_Volume(24, 24), _Volume(12, 12)])
         self.leave = nn.Conv2d(12, 1, 3, padding=1)
@@ -107,14 +110,15 @@ class _Hourglass(nn.Module):
         whole = self.enter(correlation)
         half = self.keep[0](self.down[0](_halve_levels(whole)))
         quarter = self.keep[1](self.down[1](_halve_levels(half)))
-        half = self.up[0](_double(self.narrow[0](quarter)) + half)
-        whole = self.up[1](_double(self.narrow[1](half)) + whole)
+        half = self.up[0](_double_size(self.narrow[0](quarter)) + half)
+        whole = self.up[1](_double_size(self.narrow[1](half)) + whole)
         return self.leave(whole.flatten(0, 1)).view(correlation.shape[0], -1, *correlation.shape[-2:])
 
 
 class IcyNet(nn.Module):
-    """The network. ``range_px`` is the greatest disparity that it can find; it may be changed at any time, since no
-    weight depends on it."""
+    """The network. ``range_px`` is the greatest disparity that it can find. It may be changed at any time, because no
+    weight depends on it.
+    """
 
     groups = 8
 
@@ -128,19 +132,21 @@ class IcyNet(nn.Module):
         self.leave = nn.Conv2d(32, 2 + 4 * 9, 3, padding=1)
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
-        """Disparities (N, H, W) in px and confidences (N, H, W), logits, of grey images (N, 1, H, W) from 0 to 1 with
-        sides that are multiples of 16."""
+        """Compute disparities (N, H, W) in px and confidences (N, H, W), logits, of grey images (N, 1, H, W) from 0 to
+        1 with sides that are multiples of 16.
+        """
         disparity, logit, _ = self.forward_with_costs(left, right)
         return disparity, logit
 
     def forward_with_costs(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """As ``forward``, with the costs (N, D, H/4, W/4) by levels of 4 px for the loss."""
+        """Compute the results of ``forward`` and, for the loss, the costs (N, D, H/4, W/4) by levels of 4 px."""
         (half, other_half), (quarter, other_quarter) = self._find_features(left, right)
         correlation = _correlate(quarter, other_quarter, count_levels(self.range_px), self.groups)
         return self._match(half, other_half, correlation)
 
     def forward_at_levels(self, left: Tensor, right: Tensor, levels: Tensor) -> tuple[Tensor, Tensor]:
-        """Disparity (1, H, W) in px and confidence (1, H, W), a logit, of one pair; ``levels`` (D,) are 0 to D - 1.
+        """Compute disparity (1, H, W) in px and confidence (1, H, W), a logit, of one pair; ``levels`` (D,) are 0 to D
+        - 1.
 
         The numbers equal those from ``forward``, by operations whose sizes an exported network leaves free.
         """
@@ -150,13 +156,13 @@ class IcyNet(nn.Module):
         return disparity, logit
 
     def _find_features(self, left: Tensor, right: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-        """Features of both eyes at 1/2 of the size, then at 1/4."""
+        """Compute the features of both eyes at 1/2 of the size, then at 1/4."""
         n = left.shape[0]
         half, quarter = self.features(_normalize_locally(torch.cat([left, right])))
         return (half[:n], half[n:]), (quarter[:n], quarter[n:])
 
     def _match(self, left: Tensor, right: Tensor, correlation: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Disparities, confidences and costs from features at 1/2 and the correlation at 1/4 of the size."""
+        """Compute disparities, confidences and costs from features at 1/2 and the correlation at 1/4 of the size."""
         costs = self.hourglass(correlation) + self.raw_weight * correlation.mean(2)
         level, peak = _find_best(costs)
         coarse = F.interpolate(
@@ -166,7 +172,9 @@ class IcyNet(nn.Module):
         return fine[0], fine[1], costs
 
     def _refine(self, left: Tensor, right: Tensor, coarse: Tensor) -> tuple[Tensor, Tensor]:
-        """Disparity and confidence at full size from features at 1/2 and disparities in their px, with peaks."""
+        """Compute disparity and confidence at full size from features at 1/2, and from ``coarse``: disparities in px of
+        1/2, and peaks.
+        """
         disparity = coarse[:, 0]
         near = [
             (left * _sample_along_rows(right, disparity + step)).mean(1)
@@ -183,7 +191,9 @@ class IcyNet(nn.Module):
 
 
 def _normalize_locally(image: Tensor) -> Tensor:
-    """Return tanh of half of each pixel's difference from the mean around it in standard deviations, -1 to 1."""
+    """Return tanh(d / 2), -1 to 1, where d is each pixel's difference from the mean around it, in standard
+    deviations.
+    """
     pad = _WINDOW_PX // 2
     padded = F.pad(image, (pad, pad, pad, pad), mode="reflect")
     mean, square = _average(padded), _average(padded * padded)
@@ -192,12 +202,14 @@ def _normalize_locally(image: Tensor) -> Tensor:
 
 
 def _average(image: Tensor) -> Tensor:
-    """Means in the window around each pixel: along the rows, then along the columns, which costs a fraction."""
+    """Average the window around each pixel: along the rows, then along the columns, which costs a fraction."""
     return F.avg_pool2d(F.avg_pool2d(image, (1, _WINDOW_PX), 1), (_WINDOW_PX, 1), 1)
 
 
 def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:
-    """Cosine similarities (N, levels, groups, H, W) of features with the other eye's features, 0 outside its image."""
+    """Compute cosine similarities (N, levels, groups, H, W) of features with the other eye's features, 0 outside its
+    image.
+    """
     n, c, h, w = left.shape
     a, b = (F.normalize(each.view(n, groups, c // groups, h, w), dim=2) for each in (left, right))
     padded = F.pad(b, (levels - 1, 0))
@@ -205,7 +217,7 @@ def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:
 
 
 def _correlate_by_index(left: Tensor, right: Tensor, levels: Tensor, groups: int) -> Tensor:
-    """As ``_correlate``, for one pair, with ``levels`` (D,) as a tensor."""
+    """Compute ``_correlate`` for one pair, with ``levels`` (D,) as a tensor."""
     a, b = (F.normalize(each.view(groups, -1, *each.shape[-2:]), dim=1) for each in (left[0], right[0]))
     column = torch.arange(left.shape[-1], device=left.device) - levels[:, None]
     moved = b[..., column.clamp(min=0)] * (column >= 0).to(b.dtype)
@@ -213,7 +225,7 @@ def _correlate_by_index(left: Tensor, right: Tensor, levels: Tensor, groups: int
 
 
 def _find_best(costs: Tensor) -> tuple[Tensor, Tensor]:
-    """The mean level (N, H, W) around the best one, and the share of the probability there."""
+    """Find the mean level (N, H, W) around the best one, and the share of the probability there."""
     share = torch.softmax(costs, 1)
     best = costs.argmax(1, keepdim=True)
     steps = torch.arange(costs.shape[1], device=costs.device, dtype=costs.dtype)[None, :, None, None]
@@ -223,7 +235,9 @@ def _find_best(costs: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _sample_along_rows(values: Tensor, disparity: Tensor) -> Tensor:
-    """Values (N, C, H, W) at columns less ``disparity`` (N, H, W), linear between columns, the border's beyond it."""
+    """Sample values (N, C, H, W) at columns less ``disparity`` (N, H, W), linearly between columns; the border is
+    repeated.
+    """
     width = values.shape[-1]
     column = torch.arange(width, device=values.device, dtype=disparity.dtype) - disparity
     column = column.clamp(0.0, width - 1.0)
@@ -234,7 +248,9 @@ def _sample_along_rows(values: Tensor, disparity: Tensor) -> Tensor:
 
 
 def _upsample_convex(values: Tensor, weights: Tensor) -> Tensor:
-    """Values (N, C, 2 H, 2 W) as means of 3 x 3 neighbours with weights (N, 36, H, W) for each of four places."""
+    """Upsample values to (N, C, 2 H, 2 W), as means of 3 x 3 neighbours. ``weights`` (N, 36, H, W) are nine for each of
+    four pixels.
+    """
     n, c, h, w = values.shape
     share = torch.softmax(weights.view(n, 1, 9, 4, h, w), 2)
     around = F.unfold(F.pad(values, (1, 1, 1, 1), mode="replicate"), 3).view(n, c, 9, 1, h, w)

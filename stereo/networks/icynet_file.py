@@ -8,10 +8,10 @@ MULTIPLE = 16
 LEVEL_PX = 4
 #: Inputs of the ONNX file: images (1, 1, H, W) from 0 to 1 with sides that are multiples of 16, and levels 0 to D - 1.
 INPUTS = ("left", "right", "levels")
-#: Its outputs (1, H, W): disparity in px, and the logit of the confidence.
+#: Outputs (1, H, W) of the ONNX file: disparity in px, and the logit of the confidence.
 OUTPUTS = ("disparity", "logit")
 
 
 def count_levels(range_px: int) -> int:
-    """The number of levels of a search range."""
+    """Count the levels of a search range."""
     return -(-range_px // MULTIPLE) * (MULTIPLE // LEVEL_PX)

@@ -21,15 +21,15 @@ from .igev_layers import (
     UpdateBlock,
 )
 
-GROUPS = 8  # of channels, correlated each by itself
-LEVELS = 2  # of the volumes that are looked up in
-RADIUS = 4  # of the look-up, px of its level
+GROUPS = 8  # number of groups of channels, each correlated separately
+LEVELS = 2  # number of scales of the volumes that are looked up
+RADIUS = 4  # radius of the look-up, px of its level
 SIZE_STEP = 32  # image sides are multiples of this
-DISPARITY_STEP = 32  # and so is max_disparity
+DISPARITY_STEP = 32  # max_disparity is a multiple of this
 
 
 class IGEVStereo(nn.Module):
-    """Disparity by a volume of costs and a recurrent refinement that looks up in it.
+    """Disparity by a volume of costs, and by a recurrent refinement that looks up values in it.
 
     ``max_disparity`` px, a multiple of 32, is the reach of the volume; the refinement can leave it.
     """
@@ -60,7 +60,7 @@ class IGEVStereo(nn.Module):
         self.corr_feature_att = FeatureAtt(GROUPS, 96)
         self.cost_agg = Hourglass()
         self.classifier = nn.Conv3d(GROUPS, 1, 3, padding=1, bias=False)
-        # Upsampled the initial disparity for the training's loss; in every checkpoint.
+        # This layer upsampled the initial disparity for the training's loss; every checkpoint contains it.
         self.spx = nn.Sequential(nn.ConvTranspose2d(64, 9, 4, 2, padding=1))
         self.spx_2 = UpConv(24, 32)
         self.spx_4 = nn.Sequential(
@@ -68,7 +68,8 @@ class IGEVStereo(nn.Module):
         )
 
     def forward(self, left: Tensor, right: Tensor, iterations: int = 32) -> Tensor:
-        """Disparity of the left image, (N, 1, H, W) px, from RGB of 0 to 255, (N, 3, H, W), sides multiples of 32.
+        """Compute the disparity of the left image, (N, 1, H, W) px, from RGB of 0 to 255, (N, 3, H, W), with sides that
+        are multiples of 32.
 
         Each of the ``iterations`` takes the same time. Raises ValueError for fewer than one.
         """
@@ -96,7 +97,7 @@ class IGEVStereo(nn.Module):
         return upsample_convex(4 * disparity, self.spx_gru(self.spx_2_gru(mask_features, stem_2)))
 
     def _extract_features(self, image: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
-        """Features at four scales, features at half the size, and features for the matching."""
+        """Extract features at four scales, features at half the size, and features for the matching."""
         features = self.feature(image)
         stem_2 = self.stem_2(image)
         features[0] = torch.cat((features[0], self.stem_4(stem_2)), 1)
@@ -104,7 +105,9 @@ class IGEVStereo(nn.Module):
 
 
 def correlate_groups(left: Tensor, right: Tensor, planes: int) -> Tensor:
-    """(N, GROUPS, planes, h, w): mean product over each group of channels at every shift; 0 outside the image."""
+    """Compute the mean product over each group of channels at every shift, (N, GROUPS, planes, h, w); 0 outside the
+    image.
+    """
     count, channels, height, width = left.shape
     left, right = (x.view(count, GROUPS, channels // GROUPS, height, width) for x in (left, right))
     volume = left.new_zeros(count, GROUPS, planes, height, width)
@@ -114,7 +117,7 @@ def correlate_groups(left: Tensor, right: Tensor, planes: int) -> Tensor:
 
 
 class VolumeLookUp:
-    """Samples of the geometry volume and of the correlation of all pixels of a row, around a disparity."""
+    """Samples the geometry volume, and the correlation of all pixels of a row, around a disparity."""
 
     def __init__(self, volume: Tensor, left: Tensor, right: Tensor) -> None:
         count, groups, planes, height, width = volume.shape
@@ -128,7 +131,7 @@ class VolumeLookUp:
         self._column = torch.arange(width, dtype=rows.dtype, device=rows.device)
 
     def __call__(self, disparity: Tensor) -> Tensor:
-        """(N, LEVELS (GROUPS + 1) (2 RADIUS + 1), h, w) around disparity (N, 1, h, w)."""
+        """Sample around the disparity (N, 1, h, w); return (N, LEVELS (GROUPS + 1) (2 RADIUS + 1), h, w)."""
         count, _, height, width = disparity.shape
         matched = self._column - disparity
         found = []
@@ -141,7 +144,9 @@ class VolumeLookUp:
 
 
 def _cut_windows(lines: Tensor, centre: Tensor) -> Tensor:
-    """(P, C (2 RADIUS + 1)): lines (P, C, L) at the 2 RADIUS + 1 places about a fractional one; 0 outside."""
+    """Interpolate lines (P, C, L) at 2 RADIUS + 1 positions around a fractional ``centre``; return (P, C (2 RADIUS +
+    1)), 0 outside.
+    """
     length = lines.shape[2]
     before = torch.floor(centre)
     weight = (centre - before)[:, None, None]
@@ -152,7 +157,9 @@ def _cut_windows(lines: Tensor, centre: Tensor) -> Tensor:
 
 
 def upsample_convex(disparity: Tensor, logits: Tensor) -> Tensor:
-    """(N, 1, 4 h, 4 w): a weighted mean of the 3 x 3 around, weights by ``logits`` (N, 9, 4 h, 4 w); 0 outside."""
+    """Upsample a disparity to (N, 1, 4 h, 4 w), as a mean of the 3 x 3 neighbours, 0 outside, weighted by the softmax
+    of ``logits`` (N, 9, 4 h, 4 w).
+    """
     count, _, height, width = disparity.shape
     around = F.unfold(disparity, 3, padding=1).view(count, 9, height, width)
     around = F.interpolate(around, scale_factor=4, mode="nearest")
@@ -160,7 +167,7 @@ def upsample_convex(disparity: Tensor, logits: Tensor) -> Tensor:
 
 
 def _to_single_precision(x: Tensor) -> Tensor:
-    """The tensor in single precision at least.
+    """Return the tensor in at least single precision.
 
     bfloat16, with 8 bits, is for features and costs; at a disparity of 64 px it has steps of half a pixel.
     """

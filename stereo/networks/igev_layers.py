@@ -1,7 +1,7 @@
 """The parts of IGEV-Stereo: convolutions, features, context, volume aggregation, recurrent update.
 
-Attribute names come from the official code, gangweiX/IGEV (MIT), since they are the keys of its
-checkpoints; some of the layers in a checkpoint served its training only.
+Attribute names come from the official code, gangweiX/IGEV (MIT), because they are the keys of its checkpoints; some
+layers of a checkpoint served its training only.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ HIDDEN = 128  # channels of context and hidden state
 
 
 class BasicConv(nn.Module):
-    """Convolution, batch normalisation, leaky ReLU. A ``plain`` one has the norm's parameters without using them."""
+    """Convolution, batch normalisation, leaky ReLU. A ``plain`` one only convolves, but keeps the norm's parameters."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class InstanceConv(nn.Module):
 
 
 class UpConv(nn.Module):
-    """To twice the size, joined with the finer features there; with instance or batch normalisation."""
+    """Doubles the size of features and joins them with finer features, with instance or batch normalisation."""
 
     def __init__(self, inputs: int, outputs: int, batch_norm: bool = False) -> None:
         super().__init__()
@@ -99,7 +99,7 @@ class FeatureAtt(nn.Module):
 
 
 class Hourglass(nn.Module):
-    """The cost aggregation: (N, 8, D, h, w) through three halvings and back."""
+    """Aggregates costs (N, 8, D, h, w) through three halvings and back."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -155,7 +155,9 @@ class ResidualBlock(nn.Module):
 
 
 class Context(nn.Module):
-    """The left image to (hidden state, context), 128 channels each, at 1/4, 1/8 and 1/16; before tanh and ReLU."""
+    """Computes (hidden state, context) of the left image, 128 channels each, at 1/4, 1/8 and 1/16; before tanh and
+    ReLU.
+    """
 
     def __init__(self) -> None:
         super().__init__()

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 
 class _Separable(nn.Module):
-    """Depthwise 3 x 3, then pointwise."""
+    """A depthwise 3 x 3 convolution, then a pointwise one."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
@@ -21,7 +21,9 @@ class _Separable(nn.Module):
 
 
 class _InvertedResidual(nn.Module):
-    """Widened sixfold, depthwise 3 x 3, narrowed; added to the input where the shapes allow."""
+    """Widens the channels sixfold, convolves them depthwise by 3 x 3, and narrows them; adds the input if the shapes
+    allow.
+    """
 
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
         super().__init__()
@@ -48,7 +50,9 @@ def _make_stage(inputs: int, outputs: int, count: int, stride: int) -> nn.Sequen
 
 
 class MobileNetTrunk(nn.Module):
-    """(N, 3, H, W) to features of 24, 32, 96 and 160 channels at 1/4, 1/8, 1/16 and 1/32 of the size."""
+    """Computes features of 24, 32, 96 and 160 channels at 1/4, 1/8, 1/16 and 1/32 of the size of images (N, 3,
+    H, W).
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -61,7 +65,7 @@ class MobileNetTrunk(nn.Module):
         self.block4 = nn.Sequential(_make_stage(96, 160, 3, stride=2))
 
     def pyramid(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """The features from fine to coarse."""
+        """Return the features from fine to coarse."""
         quarter = self.block1(self.block0(nn.functional.relu6(self.bn1(self.conv_stem(image)))))
         eighth = self.block2(quarter)
         sixteenth = self.block3(eighth)

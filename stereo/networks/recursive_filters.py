@@ -1,7 +1,7 @@
 """The two recursive filters of DSMNet, exact, in plain torch: they need no compiled extension.
 
-NLF is the structure-preserving graph filter of Zhang et al., "Domain-invariant stereo matching
-networks", ECCV 2020; SGA the semi-global aggregation of Zhang et al., "GA-Net", CVPR 2019.
+NLF is the structure-preserving graph filter of Zhang et al., "Domain-invariant stereo matching networks", ECCV 2020.
+SGA is the semi-global aggregation of Zhang et al., "GA-Net", CVPR 2019.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _NEIGHBOUR_OFFSETS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
 
 
 def filter_non_local(x: Tensor, guide: Tensor) -> Tensor:
-    """(N, C, H, W): four scans, each of the previous result: down, up, to the right, to the left.
+    """Filter features (N, C, H, W) in four scans, each of the previous result: down, up, to the right, to the left.
 
-    A pixel becomes the mean of itself and of its already filtered neighbours, weighted by the softmax of
-    the inner products of ``guide`` (N, G, H, W); a neighbour outside the image is the pixel itself.
+    A pixel becomes the mean of itself and of its already filtered neighbours, weighted by the softmax of the inner
+    products of ``guide`` (N, G, H, W); a neighbour outside the image is the pixel itself.
     """
     for turned in _turns:
         x = turned(_scan_rows(turned(x), _scan_weights(turned(guide))))
@@ -26,10 +26,10 @@ def filter_non_local(x: Tensor, guide: Tensor) -> Tensor:
 
 
 def aggregate_semi_global(x: Tensor, weights: Tensor) -> Tensor:
-    """(N, C, D, H, W): the largest of four scans of a volume, down, up, to the right and to the left.
+    """Aggregate a volume (N, C, D, H, W): the largest of four scans, down, up, to the right and to the left.
 
-    ``weights`` (N, 20, H, W) are five per scan, shared by channels and disparities: of the value
-    itself, of the last one at its disparity, at one less, at one more, and of the last one's maximum.
+    ``weights`` (N, 20, H, W) are five per scan, shared by channels and disparities. They weight the value itself, the
+    previous value at its disparity, at one less and at one more, and the maximum of the previous values.
     """
     scans = [
         turned(_aggregate_scan(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
@@ -58,13 +58,15 @@ _turns = (_scan_down, _scan_up, _scan_right, _scan_left)  # each turns its scan 
 
 
 def _shift(x: Tensor, rows: int, columns: int) -> Tensor:
-    """x[r + rows, c + columns], 0 outside."""
+    """Return x[r + rows, c + columns] at each (r, c), 0 outside."""
     height, width = x.shape[-2:]
     return F.pad(x, (1, 1, 1, 1))[..., 1 + rows : 1 + rows + height, 1 + columns : 1 + columns + width]
 
 
 def _scan_weights(guide: Tensor) -> Tensor:
-    """(N, 5, H, W): weights of the pixel and its neighbours; the weight of a missing neighbour goes to the pixel."""
+    """Compute the weights (N, 5, H, W) of a pixel and its four neighbours in a scan. A neighbour outside the image
+    gives its weight to the pixel.
+    """
     products = [(guide * guide).sum(1), *((guide * _shift(guide, *place)).sum(1) for place in _NEIGHBOUR_OFFSETS)]
     weights = F.softmax(torch.stack(products, 1), 1)
     there = torch.stack([_shift(torch.ones_like(products[0]), *place) for place in _NEIGHBOUR_OFFSETS], 1)
@@ -73,7 +75,7 @@ def _scan_weights(guide: Tensor) -> Tensor:
 
 
 def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
-    """o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
+    """Compute o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
 
     In the order of t = c + 2 r, all inputs of a pixel come earlier: the left and the upper right pixel by 1, the upper
     pixel by 2, the upper left pixel by 3. So all pixels of one t are computed at once: one in each row, two columns
@@ -92,7 +94,7 @@ def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
 
     weight = skewed(weights).unsqueeze(3)
     own = skewed(x) * weight[:, :, 0]
-    # Three steps of nothing before the first, and a row of nothing above the first.
+    # Three steps of zeros before the first step, and a row of zeros above the first row.
     out = [x.new_zeros(count, channels, height + 1)] * 3
     for step in range(steps):
         third, second, last = out[-3:]
@@ -111,7 +113,9 @@ def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
 
 
 def _aggregate_scan(x: Tensor, weights: Tensor) -> Tensor:
-    """One scan of sga down the rows; a missing disparity is the value itself, as is all above the first row."""
+    """Aggregate one scan down the rows. The value itself replaces a missing disparity and all values above the first
+    row.
+    """
     rows = x.movedim(-2, 0).contiguous()  # (H, N, C, D, W)
     weight = weights.movedim(-2, 0)[:, :, :, None, None]  # (H, N, 5, 1, 1, W)
     if torch.is_grad_enabled() and (rows.requires_grad or weight.requires_grad):
@@ -130,7 +134,7 @@ def _aggregate_scan(x: Tensor, weights: Tensor) -> Tensor:
 
 
 def _aggregate_rows(rows: Tensor, weight: Tensor) -> list[Tensor]:
-    """The rows of one scan, each a new tensor, as gradients need them."""
+    """Aggregate the rows of one scan, each as a new tensor, because gradients need them."""
     done = [rows[0] * weight[0].sum(1)]
     for value, w in zip(rows[1:], weight[1:], strict=True):
         last = done[-1]

@@ -1,4 +1,4 @@
-"""The figures of the GUISS paper: depth of each method, error against albedo, and grids of images as sheets."""
+"""The figures of the GUISS paper: depth of each method, error against albedo, and sheets with grids of images."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ _CELL_PX, _TITLE_LETTERS, _LINE_LETTERS = 320, 33, 42
 _MAX_BYTES = 1_000_000
 #: The setting of the albedo figure.
 _ALBEDO_SETTING = "surface.albedo"
-#: Grey of the ground in masks, number of hues, and step in the circle of hues from one label to the next, which rarely
-#: repeats a hue.
+#: Grey of the ground in masks, number of hues, and step in the circle of hues from one label to the next. With this
+#: step a hue is rarely repeated.
 _GROUND_GREY, _HUE_COUNT, _HUE_STEP = 90, 180, 0.618034
 
 
 def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
-    """Write a sheet with a typical pair of each set: image, true depth and the depth of each method. The pairs' names,
-    none if no pair has a result."""
+    """Write a sheet with a typical pair of each set: image, true depth and the depth of each method. Return the pairs'
+    names, [] if no pair has a result.
+    """
     cells: list[tuple[Path | Array, str, str]] = []
     shown = []
     for title, pairs in sets.items():
@@ -69,8 +70,8 @@ def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[Planne
 
 
 def draw_albedo(measured: PaperResults, name: str, out: Path) -> SweepCharts | None:
-    """The charts of the errors against the albedo of the pairs, also written to ``NAME.png`` in ``out``; None if all
-    albedos are equal.
+    """Draw the charts of the errors against the albedo of the pairs, and write them to ``NAME.png`` in ``out``. None if
+    all albedos are equal.
     """
     places = {pair["pair"]: k for k, pair in enumerate(measured.facts)}
     sweeps = [sweep for sweep in find_swept_settings(measured.facts, places) if sweep.name == _ALBEDO_SETTING]
@@ -85,8 +86,9 @@ def draw_albedo(measured: PaperResults, name: str, out: Path) -> SweepCharts | N
 
 
 def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, file: Path) -> bool:
-    """Write the sheet of a figure: the images of its pairs, all at one exposure, and the masks of rocks. False if none
-    of them is rendered."""
+    """Write the sheet of a figure: the images of its pairs, all at one exposure, and the masks of rocks. Return False
+    if no pair is rendered.
+    """
     there = [pair for pair in pairs if is_complete(pair.folder(dataset))]
     if not there:
         return False
@@ -107,14 +109,14 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
 
 
 def wrap_caption(text: str) -> tuple[str, str]:
-    """A text as a title and lines below it that fit under a picture of a sheet, without omissions."""
+    """Wrap a text to a title and lines below it that fit under a picture of a sheet, without omissions."""
     first, *_ = textwrap.wrap(_to_ascii(text), _TITLE_LETTERS) or [""]
     rest = _to_ascii(text)[len(first) :].strip()
     return first, textwrap.fill(rest, _LINE_LETTERS)
 
 
 def _to_ascii(text: str) -> str:
-    """A text in the letters that OpenCV draws."""
+    """Write a text in the letters that OpenCV draws."""
     return text.replace("°", " deg").encode("ascii", "ignore").decode()
 
 
@@ -128,7 +130,9 @@ def _draw_masks(pair: Pair) -> list[tuple[Array, str, str]]:
 
 
 def colour_labels(labels: Array) -> Array:
-    """Labels (H, W) as a picture (H, W, 3), blue first: the sky black, the terrain grey, any other its own hue."""
+    """Draw labels (H, W) as a picture (H, W, 3), blue first: the sky black, the terrain grey, any other label in its
+    own hue.
+    """
     hue = np.rint(_HUE_COUNT * (labels.astype(np.float64) * _HUE_STEP % 1.0)).astype(np.uint8) % _HUE_COUNT
     full = np.full_like(hue, 255)
     shown = cv2.cvtColor(np.stack([hue, full, full], axis=-1), cv2.COLOR_HSV2BGR)

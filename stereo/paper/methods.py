@@ -1,4 +1,6 @@
-"""The four matchers of the GUISS paper with its options, icynet, and the reasons why some matchers cannot run here."""
+"""The four matchers of the GUISS paper with their options, icynet, and the reasons why some matchers cannot run
+here.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,11 @@ _DISPARITIES_STEP_PX, _MIN_WINDOW = 16, 5
 
 
 def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
-    """The matchers that can run, and by name, a sentence with the reason for each matcher that cannot.
+    """Find the matchers that can run, and by name a sentence with the reason for each matcher that cannot.
 
-    ``scale`` is the size of the images over the paper's; window and range of StereoBM are scaled with them.
-    ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run
-    although it has one.
+    ``scale`` is the size of the images over the paper's; StereoBM's window and range are scaled with it. ``options``
+    are ``matcher.key=value``. Raises IcyMoonError for a wrong option, and if a matcher cannot run although it is given
+    an option.
     """
     names = [method.matcher for method in TABLE_METHODS]
     for text in options:
@@ -43,12 +45,12 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
 
 
 def _describe_matcher(name: str, scale: float) -> str:
-    """A matcher with the paper's options, as ``--methods`` takes it.
+    """Write a matcher with the paper's options, as ``--methods`` takes it.
 
     JPLV, whose options the paper does not print, and methods that the paper lacks have our options.
     """
     is_printed = name != "jplv" and any(method.matcher == name for method in PRINTED_METHODS)
-    if not is_printed or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
+    if not is_printed or (scale != 1 and name == "dsmnet"):  # DSMNet's crop is for images of the paper's size
         return name
     if scale == 1 or name == "igev":
         return f"{name}:preset=guiss"

@@ -1,4 +1,4 @@
-"""Writing the GUISS paper's tables and figures, made again, as HTML, CSV, LaTeX and pictures in one folder."""
+"""Write the GUISS paper's tables and figures, made again, as HTML, CSV, LaTeX and pictures in one folder."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _ALBEDO_CHARTS = {
 
 
 def _draw_albedos(measured: Mapping[str, PaperResults], out: Path) -> list[tuple[str, SweepCharts]]:
-    """The charts of error by albedo, with their titles."""
+    """Draw the charts of error by albedo; return them with their titles."""
     return [
         (title, drawn)
         for key, (name, title) in _ALBEDO_CHARTS.items()
@@ -52,8 +52,8 @@ def write_paper(
 ) -> Path:
     """Write all tables and figures to ``out``, and return the path of the page.
 
-    ``measured`` are the evaluations of ``parts.EVALUATIONS``, ``missing`` is why a matcher could not
-    run, ``scale`` the size of the images over the paper's, ``planned`` the number of pairs of the table.
+    ``measured`` are the results of the ``EVALUATIONS``, and ``missing`` states why a matcher could not run. ``scale``
+    is the size of the images over the paper's, and ``planned`` the number of pairs of the table.
     """
     data = measured["data"]
     results = make_result_rows(data, with_theirs=scale == 1)
@@ -93,7 +93,7 @@ def write_paper(
 
 
 def describe_size(data: PaperResults, scale: float, planned: int) -> str:
-    """Sentences on the number, the kinds and the size of the pairs."""
+    """Describe the number, the kinds and the size of the pairs in sentences."""
     scenes = data.table.scene_count()
     reconstructed = int(data.group("Reconstructed").sum())
     kinds = f"{reconstructed} reconstructed and {len(data.facts) - reconstructed} synthetic"

@@ -21,13 +21,13 @@ from ..trade.measure_variants import scale_view
 #: The data sets of ``datasets/guiss_all``, and the figures of ``datasets/guiss_figures``, in the order of their plans.
 SETS = ("reconstructions", "textures", "landforms", "generative", "terrains", "rocks", "snow")
 FIGURES = ("ruggedness", "subsurface", "texture", "suns", "rocks")
-#: Columns and rows of the figures' images as a share of the other images', since figures are small on a page.
+#: Columns and rows of the figures' images as a share of the other images', because figures are small on a page.
 _OF_FIGURES = 0.5
 #: Grounds of each set on which its cameras are checked before the render; the render sets pairs aside that it cannot
 #: render.
 _CHECKED_GROUNDS = 4
-#: The evaluations: the part that is matched, the folder in its own, and settings of the response. Images of the albedo
-#: figure are developed twice from one render, at its stated exposure and automatically exposed.
+#: The evaluations: the matched part, the folder within the part's folder, and settings of the response. Images of the
+#: albedo figure are developed twice from one render, at its stated exposure and automatically exposed.
 EVALUATIONS: dict[str, tuple[str, str, Parts]] = {
     "data": ("data", "evaluation", {}),
     "albedo": ("albedo", "evaluation", {}),
@@ -54,11 +54,11 @@ class Part:
 def make_parts(
     count: int | None, scale: float, overrides: Parts, files: Path | None = None, glossy: bool = False
 ) -> dict[str, Part]:
-    """The ``data`` of the tables with about ``count`` pairs (None: all), the pairs of the ``albedo`` figure and of the
-    ``figures`` of images.
+    """Make the ``data`` of the tables with about ``count`` pairs (None: all), the pairs of the ``albedo`` figure, and
+    the pairs of the ``figures`` of images.
 
     ``scale`` multiplies the columns and rows of the images. ``overrides`` are settings that replace the plans'
-    settings. ``files`` is the folder of files in place of stand-ins. With ``glossy`` the pairs of the tables have the
+    settings. ``files`` is the folder of files that replace stand-ins. With ``glossy`` the pairs of the tables have the
     materials and the sampling of the paper's public code. Raises IcyMoonError for an invalid scale, setting or file.
     """
     plan = "guiss_all_glossy" if glossy else "guiss_all"
@@ -98,8 +98,9 @@ def _make_part(folder: str, plan: str, sets: Sequence[str], scale: float, overri
 
 
 def _scale_settings(plan: Plan, scale: float) -> Parts:
-    """The settings of a plan that differ at another size of the images. A pixel that sees more ground gets more light,
-    so an exposure that is stated is shorter."""
+    """Return the settings of a plan that differ at another size of the images. A stated exposure is shorter for larger
+    pixels, because a pixel that sees more ground gets more light.
+    """
     if scale == 1:
         return {}
     base = merged(defaults(), *(part.settings for part in plan.designs[0].base))

@@ -1,8 +1,8 @@
-"""The printed numbers of the GUISS paper: its table of results, its table of run times, and its two kinds of pairs;
+"""The printed numbers of the GUISS paper (its table of results, its table of run times, and its two kinds of pairs),
 and the methods of the tables that are made again.
 
-Bhaskara et al. 2024, tables 1 and 2. The rates are of an error above 10 cm; si-RMSE is the root, although the paper's
-formula has none; the row *All* is the mean over 3060 reconstructed and 1960 synthetic pairs.
+Bhaskara et al. 2024, tables 1 and 2. The rates are shares with an error above 10 cm; si-RMSE is the root, although the
+paper's formula has none; the row *All* is the mean over 3060 reconstructed and 1960 synthetic pairs.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class TableMethod:
 
 @dataclass(frozen=True)
 class PrintedMethod(TableMethod):
-    """A method of the paper, with the seconds for a pair of 640 x 480 px and the hardware, and by group its
-    PRINTED_METRICS in our units: metres and shares.
+    """A method of the paper, with its seconds for a pair of 640 x 480 px on a ``machine``. ``results`` are its
+    PRINTED_METRICS by group, in our units: metres and shares.
     """
 
     seconds: float
@@ -81,7 +81,7 @@ PRINTED_METHODS = (
         },
     ),
 )
-#: The methods of the tables. The paper does not have the last: a learned one that needs no download.
+#: The methods of the tables. The last is not in the paper: a learned method that needs no download.
 TABLE_METHODS: tuple[TableMethod, ...] = (*PRINTED_METHODS, TableMethod("icynet", "icynet"))
 #: Seconds of rendering a pair and its depth, by group; on an i7 laptop.
 RENDERING_S = {"Reconstructed": 3.0, "Synthetic": 60.0}

@@ -1,4 +1,4 @@
-"""The numbers of the GUISS paper's tables, measured again: read from an evaluation, and grouped as the paper does."""
+"""The numbers of the GUISS paper's tables, measured again, read from an evaluation, and grouped as in the paper."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .printed import PAIRS_BY_GROUP
 
 @dataclass(frozen=True)
 class PaperResults:
-    """An evaluation: the numbers of its methods, the facts of its pairs, and where it is."""
+    """An evaluation: the numbers of its methods, the facts of its pairs, and its folder."""
 
     table: ResultTable
     facts: Sequence[Mapping[str, Any]]
@@ -36,19 +36,19 @@ class PaperResults:
         return {"All": np.ones(len(from_file), bool), "Reconstructed": from_file, "Synthetic": ~from_file}[name]
 
     def summary(self, matcher: str, group: str) -> dict[str, Any] | None:
-        """The means of a matcher over a group, see ``summarise_method``; None if it was not run or failed."""
+        """Return the means of a matcher over a group, see ``summarise_method``; None if it was not run or failed."""
         if matcher not in self.table.methods:
             return None
         found = summarise_method(self.table.where(self.group(group)), self.table.methods.index(matcher))
         return found if found["pairs"] else None
 
     def row(self, pair: str, matcher: str) -> dict[str, Any]:
-        """The whole row of a matcher on a pair."""
+        """Return the whole row of a matcher on a pair."""
         return RowLog(self.out / "results.jsonl", ROW).read(pair, matcher)
 
 
 def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> PaperResults:
-    """The evaluation of pairs by matchers in the folder ``out``. Raises IcyMoonError if it cannot be read."""
+    """Read the evaluation of pairs by matchers from the folder ``out``. Raises IcyMoonError if it cannot be read."""
     facts = [read_facts(out, name) for name in names]
     log, table = RowLog(out / "results.jsonl", ROW), ResultTable(matchers, [pair["pair"] for pair in facts])
     scenes: dict[str, int] = {}
@@ -61,8 +61,9 @@ def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> P
 
 
 def measure_rendering_seconds(dataset: Path, pairs: Iterable[PlannedPair]) -> dict[str, tuple[float, int]]:
-    """The mean processor seconds of rendering a pair with its share of bakes, and the number of pairs, by group of the
-    paper's table. Groups without a rendered pair are left out."""
+    """Return the mean processor seconds of rendering a pair with its share of bakes, and the number of pairs, by group
+    of the paper's table. Groups without a rendered pair are left out.
+    """
     seconds: dict[str, list[float]] = {}
     bakes: dict[str, dict[str, float]] = {}
     for pair in pairs:

@@ -27,14 +27,16 @@ _LATEX_ESCAPES = {
     "~": r"\textasciitilde{}",
 }
 _LATEX_ESCAPES |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "–": "--", "±": r"$\pm$", "×": r"$\times$"}
-#: Columns of run times: the printed seconds, and measured processor seconds and seconds by the clock.
+#: Columns of run times: the printed seconds, the measured processor seconds and the elapsed seconds.
 RUNTIME_COLUMNS = ("", "printed (s)", "printed on", "measured (CPU s)", "measured (s)", "over")
 
 
 @dataclass(frozen=True)
 class ResultRow:
     """A method in a group of pairs. ``printed``, ``theirs`` (measured as the paper's code does) and ``ours`` are texts
-    of METRICS; ``intervals`` of ours; ``numbers`` are the same in metres and shares, None where there is none."""
+    by PRINTED_METRICS, and ``intervals`` belong to ``ours``. ``numbers`` are the same in metres and shares, None if
+    unknown.
+    """
 
     group: str
     method: str
@@ -48,14 +50,15 @@ class ResultRow:
 
 
 def list_metric_columns() -> list[tuple[Column, Column]]:
-    """The column of the paper's code and ours of each of METRICS."""
+    """List, for each of PRINTED_METRICS, the column of the paper's code and our column."""
     return [next(both for both in GUISS_COLUMNS if both[1].key == key) for key in PRINTED_METRICS]
 
 
 def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRow]:
-    """The table of results: a row for each group and method, also for methods that were not run.
+    """Make the rows of the table of results: one for each group and method, also for methods that were not run.
 
-    Without ``with_theirs`` the numbers of the paper's code are left out: it knows images of the paper's size only.
+    Without ``with_theirs`` the numbers of the paper's code are left out, because it works only for images of the
+    paper's size.
     """
     found = []
     for group in PAIRS_BY_GROUP:
@@ -93,12 +96,14 @@ def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRo
 
 
 def _round_as_printed(column: Column) -> Column:
-    """A column with as many decimals as the paper prints."""
+    """Return a column with as many decimals as the paper prints."""
     return Column(column.key, column.heading, column.unit, 1 if column.unit == "%" else 2, column.doc)
 
 
 def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
-    """The table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see ``rendering_seconds``."""
+    """Make the rows of the table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see
+    ``measure_rendering_seconds``.
+    """
     rows = []
     for method in TABLE_METHODS:
         printed = (f"{method.seconds:g}", method.machine) if isinstance(method, PrintedMethod) else (NO_NUMBER,) * 2
@@ -128,7 +133,7 @@ def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[floa
 
 
 def make_results_csv(rows: Sequence[ResultRow]) -> str:
-    """The table of results as CSV, a line for each number: metres and shares; unknown numbers are empty."""
+    """Write the table of results as CSV, a line for each number: metres and shares; unknown numbers are empty."""
     lines: list[Sequence[Any]] = [("group", "method", "metric", "printed", "paper_code", "measured", "pairs")]
     for row in rows:
         for k, metric in enumerate(PRINTED_METRICS):
@@ -139,7 +144,7 @@ def make_results_csv(rows: Sequence[ResultRow]) -> str:
 
 
 def make_runtimes_csv(rows: Sequence[Sequence[str]]) -> str:
-    """The table of run times as CSV; unknown numbers are empty."""
+    """Write the table of run times as CSV; unknown numbers are empty."""
     return _make_csv([RUNTIME_COLUMNS, *([text if text != NO_NUMBER else "" for text in row] for row in rows)])
 
 
@@ -150,7 +155,7 @@ def _make_csv(lines: Sequence[Sequence[Any]]) -> str:
 
 
 def make_results_latex(rows: Sequence[ResultRow], caption: str) -> str:
-    """The table of results in LaTeX, as a floating table over two columns, without packages."""
+    """Write the table of results in LaTeX, as a floating table over two columns, without packages."""
     metrics = [ours for _, ours in list_metric_columns()]
     head = [
         " & "
@@ -169,7 +174,7 @@ def make_results_latex(rows: Sequence[ResultRow], caption: str) -> str:
 
 
 def make_runtimes_latex(rows: Sequence[Sequence[str]], caption: str) -> str:
-    """The table of run times in LaTeX."""
+    """Write the table of run times in LaTeX."""
     head = [" & ".join(map(escape_latex, RUNTIME_COLUMNS))]
     return _make_latex_table("lrlrrr", head, [" & ".join(map(escape_latex, row)) for row in rows], caption)
 
@@ -193,5 +198,5 @@ def _make_latex_table(columns: str, head: Sequence[str], body: Sequence[str], ca
 
 
 def escape_latex(text: str) -> str:
-    """Text as LaTeX prints it."""
+    """Escape the special characters of LaTeX in a text."""
     return "".join(_LATEX_ESCAPES.get(letter, letter) for letter in text)

@@ -1,4 +1,4 @@
-"""Describes the averages behind a point in a chart: over scenes, headings, places and other varied settings."""
+"""Describe the averages behind a point in a chart: over scenes, headings, places and other varied settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_NAMED = 6
 def describe_averaging(
     point: Array, used: Sequence[VariedSetting], sweeps: Sequence[VariedSetting], table: ResultTable
 ) -> str:
-    """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
+    """Describe the means of a chart in a sentence. ``point`` (pairs,) is the point to which each pair belongs, or -1.
 
     Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
     """
@@ -27,7 +27,7 @@ def describe_averaging(
     most = max(map(len, groups), default=0)
     if most <= 1:
         return "Each point is one pair."
-    found = [_count_text(_find_range_of_distinct(table.scenes, groups), "scene")]
+    found = [_format_count_range(_find_range_of_distinct(table.scenes, groups), "scene")]
     poses: dict[str, int] = {}
     named = []
     for sweep in sweeps:
@@ -43,12 +43,12 @@ def describe_averaging(
         named = [*named[:_MAX_NAMED], format_count(len(named) - _MAX_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
-        return f"Each point is the mean over {_count_text(_find_range_of_sizes(groups), 'pair')}."
+        return f"Each point is the mean over {_format_count_range(_find_range_of_sizes(groups), 'pair')}."
     return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
 
 
 def _find_range_of_distinct(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
-    """The least and the most distinct values in a group."""
+    """Find the least and the most distinct values in a group."""
     found = [len(np.unique(values[group])) for group in groups]
     return min(found), max(found)
 
@@ -57,8 +57,8 @@ def _find_range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
     return min(map(len, groups)), max(map(len, groups))
 
 
-def _count_text(numbers: tuple[int, int], what: str) -> str:
-    """The number of averaged items per point, in words; empty if each point has one."""
+def _format_count_range(numbers: tuple[int, int], what: str) -> str:
+    """Write the number of averaged items per point in words; "" if each point has one item."""
     least, most = numbers
     if most < 2:
         return ""

@@ -17,7 +17,7 @@ from .summary import ResultTable, is_share
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
 _GROUND_SETTINGS = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "geometry"}
-#: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
+#: Settings that are never shown as varied: the machine and speed of a run, and the seed, whose value has no meaning.
 _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "run"} | {
     "dataset.seed"
 }
@@ -27,12 +27,12 @@ SCENE_SWEEP = "scene"
 TERRAIN_SWEEP = "terrain"
 #: Settings of the cameras' poses, whose values are averaged, and their names for readers.
 POSE_SETTINGS = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
-#: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
+#: Most values that a curve shows separately; if there are more, they form this number of groups of equal size.
 MAX_LEVELS = 10
 
 
 def name_scene(facts: Mapping[str, Any]) -> str:
-    """A name for the ground of a pair, from its facts; pairs that see the same ground have the same name.
+    """Make a name for the ground of a pair from its facts; pairs that see the same ground have the same name.
 
     A pair on unknown ground shares its name with no other pair.
     """
@@ -47,21 +47,22 @@ def name_scene(facts: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class VariedSetting:
-    """A setting that differs between pairs, or the scenes or terrains that they are from, see
-    ``conditions.join_by_scene``."""
+    """A setting that differs between pairs. It may stand for the scenes or terrains of the pairs, see
+    ``conditions.join_by_scene``.
+    """
 
-    name: str  # topic.key, SCENE or TERRAIN
+    name: str  # topic.key, SCENE_SWEEP or TERRAIN_SWEEP
     title: str
     values: Array  # per pair, numbers or text; NaN or "" for pairs without facts
     together: tuple[str, ...] = ()  # titles of other settings that divide the pairs in exactly the same way
 
     @property
     def numeric(self) -> bool:
-        """Whether the values have an order and a distance."""
+        """Whether the values are numbers, which have an order and a distance."""
         return self.values.dtype.kind == "f"
 
     def levels(self) -> tuple[list[str], Array, Array]:
-        """(name of each level, its place on an axis, and the level of each pair or -1)."""
+        """Return the name of each level, its place on an axis, and the level of each pair, or -1."""
         known = ~np.isnan(self.values) if self.numeric else self.values != ""
         distinct = np.unique(self.values[known])
         level = np.full(len(self.values), -1)
@@ -79,11 +80,11 @@ class VariedSetting:
 
 
 def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[VariedSetting]:
-    """The settings that differ between pairs, those with the fewest distinct values first, as these are most often
-    varied on purpose.
+    """Find the settings that differ between pairs. Those with the fewest distinct values come first, because they are
+    most often varied on purpose.
 
-    A setting that some pairs lack, such as photographs, and that is the same in all others, does not differ. ``places``
-    gives the number of each pair by name. Reads ``facts`` twice, to keep only differing settings in memory.
+    A setting does not differ if it is the same in all pairs that have it; photographs, for example, lack settings.
+    ``places`` gives the number of each pair by name. Reads ``facts`` twice, to keep only differing settings in memory.
     """
     first: dict[str, Any] = {}
     differing: set[str] = set()
@@ -117,8 +118,8 @@ def _join_inseparable(sweeps: list[VariedSetting]) -> list[VariedSetting]:
 def average_by_level(
     sweep: VariedSetting, table: ResultTable, method: int, metric: str, among: Array | None = None
 ) -> tuple[Array, Array]:
-    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
-    where there are too few scenes for them.
+    """Average a metric over the pairs at each level of a setting, (levels,). Also return its 95 % bounds (levels, 2),
+    NaN where there are too few scenes for them.
 
     ``among`` (pairs,) is true for the pairs that count, by default all.
     """
@@ -135,7 +136,9 @@ def average_by_level(
 
 
 def find_noisy_levels(sweep: VariedSetting, table: ResultTable) -> Array:
-    """Boolean (levels,): noise of the render decides the results of half of the pairs at a level, or of more."""
+    """Find the levels, bool (levels,), at which noise of the render decides the results of at least half of the
+    pairs.
+    """
     names, _, level = sweep.levels()
     return np.array([bool(table.by_noise[level == k].mean() >= 0.5) for k in range(len(names))])
 
@@ -161,6 +164,6 @@ def _make_sweep_title(name: str) -> str:
     try:
         setting = TOPICS[topic][key]
     except KeyError:
-        return name  # of another version of the settings
+        return name  # a setting of another version
     unit = "" if setting.unit in ("", "1") or "(" in setting.label else f" ({setting.unit})"
     return f"{TOPICS[topic].label}: {setting.label}{unit}"

@@ -71,11 +71,11 @@ STYLE: dict[Any, Any] = {
 #: Width of a separate chart in inches: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
 METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
-#: The line of each measure of confidence; the page names them.
+#: The line style of each measure of confidence; the page names the measures.
 MEASURE_DASHES = {OWN: "-", LEFT_RIGHT: "--", SWEEP: "-."}
 #: Most scenes that are drawn as separate dots, and most characters of a method's name in a chart.
 _MAX_DOTS, _LONGEST_LABEL = 60, 24
-#: Colour of an interval of few scenes, its note in the title of the chart, and the fewest scenes of a box.
+#: Colour of an interval over few scenes, its note in the title of the chart, and the fewest scenes for a box.
 _INTERVAL_GREY, _GREY_TEXT, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
 #: Metrics whose typical differences are drawn, with factor and name.
 _DIFFERENCE_METRICS = (
@@ -91,14 +91,14 @@ Summary = Sequence[Mapping[str, Any]]
 
 
 def iterate_methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
-    """(number, entry, style of its curve) of each method."""
+    """Yield (number, entry, style of its curve) of each method."""
     for k, entry in enumerate(summary):
         colour, mark = _choose_look(k)
         yield k, entry, {"color": colour, "marker": mark, "label": describe_method(entry["method"])}
 
 
 def _choose_look(k: int) -> tuple[str, str]:
-    """The colour and the mark of a method; together they are distinct for 36 methods."""
+    """Choose the colour and the mark of a method; together they are distinct for 36 methods."""
     return METHOD_COLOURS[k % len(METHOD_COLOURS)], METHOD_MARKS[(k + k // len(METHOD_COLOURS)) % len(METHOD_MARKS)]
 
 
@@ -113,8 +113,9 @@ def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float 
 
 
 def render_svg(figure: Figure, name: str, title: str) -> str:
-    """Render a figure for an HTML page: without prologue, as wide as its place, in the page's colours of text and
-    lines."""
+    """Render a figure for an HTML page: without prologue, as wide as its place, with text and lines in the page's
+    colours.
+    """
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
@@ -145,8 +146,8 @@ def _set_percent_axis(axis: Axes, label: str) -> None:
     axis.set_ylabel(label)
 
 
-def start_at_zero(axis: Axes) -> None:
-    """Let the axis y start at 0, with room for whole marks at both ends."""
+def start_axis_at_zero(axis: Axes) -> None:
+    """Start the y axis at 0, with room for whole marks at both ends."""
     top = axis.get_ylim()[1]
     axis.set_ylim(-0.02 * top, 1.06 * top)
 
@@ -168,7 +169,7 @@ def set_logarithmic_beyond(axis: Axes, which: str, threshold: float) -> None:
 
 
 def _write_plain_numbers(along: Axis) -> None:
-    """Write 0.1 and 100, as powers of ten would be formulas, which our charts do not set."""
+    """Write plain numbers such as 0.1 and 100, because powers of ten would be formulas, which our charts do not set."""
     along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     along.set_minor_formatter(NullFormatter())
 
@@ -176,9 +177,12 @@ def _write_plain_numbers(along: Axis) -> None:
 def draw_charts(
     summary: Summary, table: ResultTable, laws: Mapping[str, Array], comparisons: Sequence[Mapping[str, Any]]
 ) -> dict[str, list[str]]:
-    """Draw all charts except the charts of settings that vary: the SVG texts by name of ``CHARTS``, where there is
-    something to draw. The methods have the colours and marks of ``list_method_keys``. ``laws``: see
-    ``phase_curves.compute_phase_curves``, ``comparisons``: ``summary.compare_methods``."""
+    """Draw all charts, except the charts of varied settings. Return the SVG texts by name of ``CHARTS``, [] if a group
+    has nothing to draw.
+
+    The methods have the colours and marks of ``list_method_keys``. ``laws``: see ``phase_curves.compute_phase_curves``,
+    ``comparisons``: ``summary.compare_methods``.
+    """
     with matplotlib.rc_context(STYLE):
         return {
             "typical": _draw_differences(comparisons),
@@ -193,7 +197,7 @@ def draw_charts(
 
 
 def list_method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
-    """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
+    """List (method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
     return [
         (describe_method(method), colour, _MARK_SHAPES[mark])
         for method, (colour, mark) in zip(methods, map(_choose_look, range(len(methods))), strict=True)
@@ -202,7 +206,9 @@ def list_method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
 
 @contextmanager
 def add_panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
-    """Axes of a separate chart, which is added to ``found``: a narrow page sets charts below each other."""
+    """Yield the axes of a separate chart, and add the finished chart to ``found``. A narrow page sets charts below each
+    other.
+    """
     figure, ((axis,),) = make_figure(1, width=_PANEL_WIDTH, height=height)
     yield axis
     axis.set_title(title, loc="left")
@@ -222,14 +228,14 @@ def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
             axis.set_xlabel("phase angle (°)")
             axis.set_ylabel("disc brightness over that at 0°")
             if last == PHASE_DEG[-1]:
-                start_at_zero(axis)
+                start_axis_at_zero(axis)
             handles, labels = axis.get_legend_handles_labels()
             axis.figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=2.4)
     return found
 
 
 def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Draw the typical difference of every two methods with its interval, where there are scenes enough for one."""
+    """Draw the typical difference between every two methods, with its interval, if there are enough scenes for one."""
     found: list[str] = []
     for key, factor, label in _DIFFERENCE_METRICS:
         entries = [
@@ -265,7 +271,7 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _draw_front(summary: Summary) -> list[str]:
-    """Draw wrong or missing pixels against time, with the front of methods that no other beats in both."""
+    """Draw wrong or missing pixels against time, with the front of methods that no other method beats in both."""
     points = [
         (look, entry["seconds"], 100 * entry["total_bad_1"])
         for _, entry, look in iterate_methods(summary)
@@ -284,7 +290,7 @@ def _draw_front(summary: Summary) -> list[str]:
             axis.step(*zip(*best, strict=True), where="post", color=_INK_PLACEHOLDER, linewidth=1, zorder=2)
             set_logarithmic(axis, "x")
             axis.margins(x=0.25, y=0.15)
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_xlabel("processor seconds a pair")
             axis.set_ylabel("% missing or off by > 1 px")
     return found
@@ -326,20 +332,24 @@ def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
                 [look["label"][:_LONGEST_LABEL] for *_, look in iterate_methods(summary)],
                 rotation=25 if len(summary) > 4 else 0,
             )
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_ylabel(label)
     return found
 
 
 def _has_bars(values: Sequence[Array], summary: Summary, key: str) -> bool:
-    """Whether a method has so few scenes that its mean and interval stand beside the points, and has an interval."""
+    """Return whether a method has an interval and too few scenes for a box, so that its mean and interval stand beside
+    its points.
+    """
     return any(
         len(own) < _FEWEST_IN_BOX and key in entry["intervals"] for own, entry in zip(values, summary, strict=True)
     )
 
 
 def _draw_spread(axis: Axes, place: int, values: Array, look: dict[str, Any]) -> None:
-    """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
+    """Draw the value of each scene and, if there are enough scenes, a box of the quartiles with whiskers from 5 to 95
+    %.
+    """
     if len(values) >= _FEWEST_IN_BOX:
         axis.boxplot(
             values,
@@ -359,7 +369,7 @@ def _draw_spread(axis: Axes, place: int, values: Array, look: dict[str, Any]) ->
 
 
 def _draw_histograms(summary: Summary) -> list[str]:
-    """Draw signed disparity errors, the parts of a pixel in the disparities, and the error by part."""
+    """Draw the signed disparity errors, the fractional parts of the disparities, and the error by fractional part."""
     entries = [
         (look, entry["histograms"])
         for _, entry, look in iterate_methods(summary)
@@ -382,7 +392,7 @@ def _draw_histograms(summary: Summary) -> list[str]:
         for look, counts in entries:
             axis.plot(part, _average_by_fraction(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK_PLACEHOLDER, linewidth=0.8)
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
     with add_panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
@@ -395,13 +405,15 @@ def _draw_histograms(summary: Summary) -> list[str]:
 
 
 def _average_by_fraction(sums: Sequence[float], counts: Sequence[float]) -> Array:
-    """``sums`` over ``counts`` by the part of a pixel, from one whole pixel to the next; NaN where nothing counts."""
+    """Divide ``sums`` by ``counts`` by the fractional part, from one whole pixel to the next; NaN where nothing
+    counts.
+    """
     ratio = np.divide(sums, counts, out=np.full(FRACTION_BINS, np.nan), where=np.array(counts) > 0)
     return np.append(ratio, ratio[0])
 
 
 def _draw_errors(summary: Summary) -> list[str]:
-    """Draw the cumulative error, and the error against the share of measurements kept, the most textured first."""
+    """Draw the cumulative error, and the error against the share of kept measurements, the most textured first."""
     found: list[str] = []
     if not any(entry["error_curve"] for entry in summary):
         return found
@@ -424,12 +436,12 @@ def _draw_errors(summary: Summary) -> list[str]:
                 )
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
     return found
 
 
 def _draw_confidence(summary: Summary) -> list[str]:
-    """Draw the error against the share of measurements kept, the surest first, and the calibration of confidences."""
+    """Draw the error against the share of kept measurements, the surest first, and the calibration of confidences."""
     curves = [
         (look | {"marker": ""}, measure, values)
         for _, entry, look in iterate_methods(summary)
@@ -445,7 +457,7 @@ def _draw_confidence(summary: Summary) -> list[str]:
                 axis.plot(100 * np.array(KEPT_SHARES), values["best"], **line | {"label": "_", "linewidth": 0.7})
         axis.set_xlabel("% of measurements kept, the surest first")
         axis.set_ylabel("mean disparity error (px)")
-        start_at_zero(axis)
+        start_axis_at_zero(axis)
     with add_panel(found, "confidence", "Calibration") as axis:
         for line, measure, values in curves:
             n, right, stated = (np.array(values["calibration"][key]) for key in CALIBRATION_SUMS)
@@ -470,7 +482,7 @@ def _compute_measured_percent(sums: Mapping[str, Any]) -> Array:
 
 
 def _compute_wrong_percent(sums: Mapping[str, Any]) -> Array:
-    """% of the true pixels of each class that are missing or wrong by more than 1 px."""
+    """Compute the percentage of the true pixels of each class that are missing or wrong by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
 
@@ -519,7 +531,7 @@ def _draw_range(summary: Summary) -> list[str]:
 
 
 def _draw_pixel_classes(summary: Summary) -> list[str]:
-    """Draw wrong or missing pixels by their class, for all factors but range."""
+    """Draw the wrong and missing pixels of each class, for every factor except range."""
     found: list[str] = []
     for factor in by_pixel_class.FACTORS:
         if factor.key == "range" or not any(
@@ -545,6 +557,6 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                     )
             axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
-            start_at_zero(axis)
+            start_axis_at_zero(axis)
             axis.set_ylabel("% missing or > 1 px")
     return found

@@ -1,4 +1,4 @@
-"""The conditions of pairs in words: the values of the varied settings, or the presets that the pairs are from."""
+"""The conditions of pairs in words: the values of the varied settings, or the presets of the pairs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .by_setting import SCENE_SWEEP, TERRAIN_SWEEP, VariedSetting
 MAX_CONDITIONS = 40
 #: Effects of the settings that define a scene, apart from its light and camera.
 _OF_SCENE = ("geometry", "material")
-#: Values in the title of a pair, if no other pair has the same.
+#: Values in the title of a pair, if these distinguish it from other pairs.
 _IN_TITLE = 3
 #: Labels that several topics have, so that they name a setting only together with its topic.
 _SHARED_LABELS = {
@@ -40,11 +40,12 @@ class Condition:
 def name_levels(
     sweeps: Sequence[VariedSetting], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> list[list[str]]:
-    """The name of each level of each sweep, such as "Sun Elevation 8°", or "Fresh snow" for a preset's settings, which
-    vary together."""
+    """Name each level of each sweep, such as "Sun Elevation 8°", or "Fresh snow" for settings that vary together as a
+    preset.
+    """
     levels = [sweep.levels() for sweep in sweeps]
     joined = any(sweep.together for sweep in sweeps)
-    # The presets of every pair, as a level has the name of one only if all of its pairs are from it.
+    # The presets of every pair, because a level is named after a preset only if all of its pairs are from it.
     of_pairs: list[frozenset[str]] = [frozenset()] * len(places)
     for pair in facts if joined else ():
         settings = pair["settings"]
@@ -62,12 +63,14 @@ def name_levels(
 def join_by_scene(
     sweeps: Sequence[VariedSetting], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> list[VariedSetting]:
-    """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones,
-    or else with the terrain in place of the settings of shipped terrains, if all made-up ground is from these.
+    """Join the sweeps of settings by which scenes or terrains differ to one sweep.
+
+    If all pairs are from shipped scenes, the scene replaces the settings by which they differ. Otherwise, if all
+    procedural ground is from shipped terrains, the terrain replaces its settings.
 
     A pair is from a scene whose ground and surfaces it has, in any light and seen by any camera, and from a terrain
-    whose ground it has. ``places`` gives the number of each pair by name. Settings that differ between pairs of a
-    scene or of a terrain stay.
+    whose ground it has. ``places`` gives the number of each pair by name. Settings that differ between pairs of a scene
+    or of a terrain stay.
     """
     if not sweeps:
         return []
@@ -99,7 +102,7 @@ def join_by_scene(
 
 
 def list_conditions(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]]) -> list[Condition]:
-    """The conditions of sweeps whose levels have these names, at most ``MAX_CONDITIONS``."""
+    """List the conditions of sweeps whose levels have these names, at most ``MAX_CONDITIONS``."""
     found = [
         Condition(name, level == n)
         for sweep, own in zip(sweeps, names, strict=True)
@@ -110,8 +113,9 @@ def list_conditions(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[st
 
 
 def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]], count: int) -> list[str]:
-    """A title for each of ``count`` pairs, all different: its values of the settings that vary, those set on purpose
-    first, and as many as distinguish it from the others; empty if nothing varies."""
+    """Make a title for each of ``count`` pairs, all different; "" if nothing varies. A title states the pair's values
+    of the varied settings, settings varied on purpose first, until it differs from the others.
+    """
     texts = [_make_value_texts(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
     titles = [", ".join(filter(None, parts)) for parts in zip(*texts[:_IN_TITLE], strict=True)] or [""] * count
     for own in texts[_IN_TITLE:]:
@@ -120,14 +124,14 @@ def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[s
                 for pair in pairs:
                     titles[pair] = ", ".join(filter(None, (titles[pair], own[pair])))
     if sweeps:
-        for pairs in _group_equal_titles(titles):  # they differ in the seed of the ground, which no sweep shows
+        for pairs in _group_equal_titles(titles):  # these pairs differ in the seed of the ground, which no sweep shows
             for number, pair in enumerate(pairs[1:], 2):
                 titles[pair] = f"{titles[pair]} ({number})".lstrip()
     return titles
 
 
 def _make_value_texts(sweep: VariedSetting, names: Sequence[str]) -> list[str]:
-    """The value of each pair in words, empty if unknown."""
+    """Write the value of each pair in words; "" if unknown."""
     exact = sweep.numeric and not sweep.together  # a level may be a range of values
     _, _, level = sweep.levels()
     return [
@@ -137,7 +141,7 @@ def _make_value_texts(sweep: VariedSetting, names: Sequence[str]) -> list[str]:
 
 
 def _group_equal_titles(titles: Sequence[str]) -> list[list[int]]:
-    """The pairs of each title that several have."""
+    """Group the pairs that share a title, for each title of several pairs."""
     found: defaultdict[str, list[int]] = defaultdict(list)
     for pair, title in enumerate(titles):
         found[title].append(pair)
@@ -153,7 +157,7 @@ def _name_value(name: str, value: str) -> str:
     try:
         setting = TOPICS[topic][key]
     except KeyError:
-        return f"{name} {value}"  # of another version of the settings
+        return f"{name} {value}"  # a setting of another version
     label = re.sub(r" \([^)]*\)$", "", setting.label)
     if setting.label in _SHARED_LABELS:
         label = f"{TOPICS[topic].label}: {label}"
@@ -162,8 +166,9 @@ def _name_value(name: str, value: str) -> str:
 
 
 def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
-    """The titles of presets of one kind, one for each level: each is a preset of all pairs of that level and of no
-    other pair. ``levels`` are the presets of each pair of each level. Empty if there are none."""
+    """Name each level by a preset, all of one kind: a preset of all pairs of the level and of no other pair. Return the
+    titles, [] if a level has none. ``levels`` are the presets of each pair of each level.
+    """
     for kind in PRESET_KINDS:
         found = []
         for own in levels:
@@ -181,7 +186,7 @@ def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
 
 
 def find_preset_title(settings: Parts) -> str:
-    """The title of the shipped scene that a pair was rendered from, unchanged; empty for any other scene."""
+    """Find the title of the shipped scene from which a pair was rendered, unchanged; "" for any other scene."""
     matching = [
         (len(stated), name)
         for name, stated in _read_image_presets()
@@ -191,23 +196,23 @@ def find_preset_title(settings: Parts) -> str:
 
 
 def _find_scene_title(settings: Parts) -> tuple[str, set[str]] | None:
-    """The title of the shipped scene with the ground and surfaces of these settings, and the names of all settings,
-    since the scene may differ from others in any; None for other scenes.
+    """Find the title of the shipped scene with the ground and surfaces of these settings; None for other scenes. Also
+    return the names of all settings, because the scene may differ from others in any.
     """
     found = []
     for name, stated in _read_image_presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
         if is_whole_scene(name) and _has_settings(settings, ground):
             same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
-            # Of two, the scene that describes light and camera too.
+            # Of two such scenes, the one that describes light and camera too is best.
             found.append((same - len(stated), len(stated), name))
     every = {f"{topic}.{key}" for topic, values in settings.items() for key in values}
     return (read_preset_header(max(found)[2])[0], every) if found else None
 
 
 def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
-    """The title of the shipped terrain with the ground of these settings, and the settings that it states; None for
-    other procedural ground. The title of ground from a file is empty.
+    """Find the title of the shipped terrain with the ground of these settings, and the settings that it states. None
+    for other procedural ground; the title is "" for ground from a file.
     """
     if settings.get("source", {}).get("kind") != "PROCEDURAL":
         return "", set()
@@ -224,7 +229,7 @@ def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
 
 @cache
 def _read_image_presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
-    """The settings of each shipped preset that concern the images, without the settings of rendering."""
+    """Read the settings of each shipped preset that concern the images, without the settings of rendering."""
     return [
         (
             name,

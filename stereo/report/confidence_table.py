@@ -60,7 +60,7 @@ _CURVES = ("curve", "best")
 
 
 class ConfidenceTable:
-    """The numbers of confidences by measure: of a metric (methods, pairs), NaN where undefined, and sums over pairs."""
+    """The numbers of confidences by measure: each metric (methods, pairs), NaN where undefined, and sums over pairs."""
 
     def __init__(self, methods: int, pairs: int) -> None:
         self._shape = methods, pairs
@@ -69,7 +69,7 @@ class ConfidenceTable:
         self._calibration: dict[tuple[int, str], dict[str, Any]] = {}
 
     def add(self, method: int, pair: int, row: Mapping[str, Any]) -> None:
-        """Add a row of a method on the pair with these numbers."""
+        """Add a row of the ``method`` and ``pair`` with these numbers."""
         for measure, values in row.get("confidence", {}).items():
             for key in CONFIDENCE_METRICS:
                 numbers = self._numbers.setdefault((measure, key), np.full(self._shape, np.nan))
@@ -84,12 +84,14 @@ class ConfidenceTable:
             self._calibration[method, measure] = add_calibration(known, curves["calibration"])
 
     def is_known(self) -> bool:
-        """Whether any row has a confidence."""
+        """Return whether any row has a confidence."""
         return bool(self._numbers)
 
     def summarise(self, method: int, counted: Array, scenes: Array) -> dict[str, dict[str, Any]]:
-        """By measure, each metric of a method as its ``mean`` over pairs, 95 % ``interval`` or None and number of
-        ``pairs``, the mean ``curve`` and ``best`` over pairs, and the ``calibration`` of the pixels of all."""
+        """Summarise a method by measure of confidence. Each metric has its ``mean`` over pairs, its 95 % ``interval``
+        or None, and the number of ``pairs``; ``curve`` and ``best`` are means over pairs, and ``calibration`` is over
+        the pixels of all pairs.
+        """
         found: dict[str, dict[str, Any]] = {}
         for measure in MEASURES:
             calibration = self._calibration.get((method, measure))
@@ -109,7 +111,9 @@ class ConfidenceTable:
 
 
 def average_with_interval(numbers: Array, scenes: Array, share: bool = False) -> dict[str, Any]:
-    """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
+    """Average the numbers of pairs that are not NaN: the ``mean``, its 95 % ``interval`` or None, and the number of
+    ``pairs``.
+    """
     known = ~np.isnan(numbers)
     low, high = find_mean_intervals(numbers[:, None], scenes, np.array([share]))[0]
     return {
@@ -120,7 +124,7 @@ def average_with_interval(numbers: Array, scenes: Array, share: bool = False) ->
 
 
 def list_confidence_rows(summary: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, Mapping[str, Any]]]:
-    """The rows of the table: method, name of the measure, and the summary of both."""
+    """List the rows of the table: method, name of the measure, and the summary of both."""
     return [
         (entry["method"], MEASURES[measure], values)
         for entry in summary

@@ -87,7 +87,7 @@ _OF_ALL = ("data", "image (px)", "f·B (px·m)")
 
 @cache
 def _read_template() -> jinja2.Template:
-    """The page's template, compiled once a process."""
+    """Read the template of the page, compiled once per process."""
     return read_template("report.html.j2")
 
 
@@ -103,9 +103,10 @@ def write_report(
     out: Path,
     guiss: bool,
 ) -> None:
-    """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
-    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking`` is from ``make_ranking_table``, and
-    ``titles`` are the titles of all pairs, see ``conditions``.
+    """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``.
+
+    It contains the pictures of the pairs ``chosen`` and of a typical pair of each condition. ``ranking`` is from
+    ``make_ranking_table``, and ``titles`` are the titles of all pairs, see ``conditions``.
     """
     script = (_TEMPLATE_FOLDER / "report.js").read_text(encoding="utf-8").strip()
     typical = choose_typical_pairs(table, conditions)
@@ -158,7 +159,9 @@ def write_report(
 
 
 def _list_scenes(sweeps: Sequence[VariedSetting], table: ResultTable) -> str:
-    """The scenes of the pairs, as in "2 scenes: Enceladus suncups, Europa chaos"; empty if these are no presets."""
+    """List the scenes of the pairs, as in "2 scenes: Enceladus suncups, Europa chaos"; "" if they are not from
+    presets.
+    """
     names = [name for sweep in sweeps if sweep.name == SCENE_SWEEP for name in sweep.levels()[0]]
     if not names:
         return ""
@@ -170,8 +173,8 @@ def _list_scenes(sweeps: Sequence[VariedSetting], table: ResultTable) -> str:
 
 
 def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
-    """Names of the pairs to show: all pairs, or if there are too many, the worst pairs and as many others at equal
-    steps.
+    """Choose the pairs to show, by name: all pairs, or if there are too many, the worst pairs and an equal number of
+    others at equal steps.
 
     The worst pairs have the most wrong or missing pixels by any method that measured anything. Pairs that count in no
     average are the worst of all.
@@ -191,7 +194,9 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
 
 
 def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
-    """The provenance of the pairs: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
+    """Count the provenance of the pairs: for each of _MIXED_FACTS, the distinct values and the number of pairs with
+    each.
+    """
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED_FACTS}
     for pair in facts:
         for name, get in _MIXED_FACTS.items():
@@ -203,7 +208,7 @@ def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str
 
 
 def count_sentences(facts: Iterable[Mapping[str, Any]], kind: str) -> list[tuple[str, int]]:
-    """The "warnings" about the pairs or the "notes" on them, by ``kind``, and the number of pairs with each."""
+    """Count the pairs with each sentence of a ``kind``: the "warnings" about pairs, or the "notes" on them."""
     found: dict[str, int] = {}
     for text in (text for pair in facts for text in pair.get(kind, ())):
         found[text] = found.get(text, 0) + 1
@@ -211,7 +216,7 @@ def count_sentences(facts: Iterable[Mapping[str, Any]], kind: str) -> list[tuple
 
 
 def _make_comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for every two methods, with their comparison by each metric."""
+    """Make a row for every two methods, with their comparison by each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for entry in comparisons:
         rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})["metrics"][
@@ -223,7 +228,9 @@ def _make_comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict
 def _make_page_data(
     table: ResultTable, titles: Sequence[str], ranking: Mapping[str, Any], methods: Sequence[Method]
 ) -> str:
-    """The ranking and the table of all pairs for the script of the page: JSON that is safe inside a script element."""
+    """Make the ranking and the table of all pairs for the script of the page: JSON that is safe inside a script
+    element.
+    """
     columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED_COLUMNS] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
     rows = []
@@ -255,7 +262,7 @@ def _make_page_data(
 
 
 def _hash_script(script: str) -> str:
-    """The hash by which the page's security policy allows its one script."""
+    """Make the hash by which the page's security policy allows its one script."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
 
 

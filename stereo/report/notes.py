@@ -48,8 +48,8 @@ _FIX_BY_NOTE = {
 
 @dataclass(frozen=True)
 class Note:
-    """A note for the reader, in brief and in ``detail``; ``sentence`` joins both. A ``doubtful`` note gives a reason
-    why results may be wrong or unfair; other notes are facts about the data.
+    """A note for the reader, in brief and in ``detail``. A ``doubtful`` note gives a reason why results may be wrong or
+    unfair; other notes are facts about the data.
     """
 
     brief: str
@@ -71,7 +71,7 @@ class Notes:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
         self._pairs, self._unknown, self._estimated, self._estimated_renders = 0, 0, 0, 0
         self._noisy: list[bool] = []  # whether the larger part is noise of baked light
-        self._decided: list[tuple[float, bool]] = []  # doubt, and the same
+        self._decided: list[tuple[float, bool]] = []  # doubt, and whether the larger part is noise of baked light
         self._baked: list[tuple[float, float, float]] = []  # noise, share, bound
 
     def add_pair(self, facts: Mapping[str, Any]) -> bool:
@@ -104,7 +104,7 @@ class Notes:
         return sum(doubt for doubt, _ in self._decided) / max(self._pairs, 1)
 
     def found(self) -> list[Note]:
-        """The notes, the most important first."""
+        """Return the notes, the most important first."""
         missed = (self._note_missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (
@@ -161,16 +161,16 @@ class Notes:
             doubt, by_bake = max(doubt for doubt, _ in self._decided), [by_bake for _, by_bake in self._decided]
             names = {"quality.bake_samples" if each else "quality.samples" for each in by_bake}
             yield Note(
-                f"{NOISE_DECIDES}{self._count_text(len(self._decided))}",
+                f"{NOISE_DECIDES}{self._format_pair_count(len(self._decided))}",
                 "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
                 f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
                 f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
-                + _bake_text(by_bake),
+                + _describe_baked_noise(by_bake),
                 True,
             )
         if self._unknown:
             yield Note(
-                f"The noise of baked light is unknown{self._count_text(self._unknown)}",
+                f"The noise of baked light is unknown{self._format_pair_count(self._unknown)}",
                 "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
                 "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
                 "better than they are; render these pairs again into another data set.",
@@ -178,11 +178,12 @@ class Notes:
             )
         if self._noisy:
             yield Note(
-                f"The render is noisy{self._count_text(len(self._noisy))}",
-                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise." + _bake_text(self._noisy),
+                f"The render is noisy{self._format_pair_count(len(self._noisy))}",
+                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise."
+                + _describe_baked_noise(self._noisy),
             )
 
-    def _count_text(self, count: int) -> str:
+    def _format_pair_count(self, count: int) -> str:
         return f" in {count} of {self._pairs} pairs" if self._pairs > 1 else ""
 
     @staticmethod
@@ -203,8 +204,10 @@ class Notes:
         )
 
 
-def _bake_text(by_bake: Sequence[bool]) -> str:
-    """The warning on pairs in which noise of baked light is the larger part of the noise."""
+def _describe_baked_noise(by_bake: Sequence[bool]) -> str:
+    """Write the warning on pairs in which noise of baked light is the larger part of the noise; "" without such
+    pairs.
+    """
     count = sum(by_bake)
     if not count:
         return ""

@@ -14,7 +14,7 @@ _TEMPLATE_FOLDER = Path(__file__).parent
 
 
 def read_template(name: str, folder: Path = _TEMPLATE_FOLDER) -> jinja2.Template:
-    """The template of a page in a folder, which may use the files beside the report's template.
+    """Read the template of a page from a folder; it may use the files beside the report's template.
 
     Foreign texts in the page are never markup, and have no invisible control characters. Each page can name a method
     for its readers (``name_of``) and a count (``count_of``).

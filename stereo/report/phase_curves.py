@@ -1,4 +1,4 @@
-"""The phase curves of the surfaces in an evaluation's pairs, if their laws of reflection have one."""
+"""The phase curves of the surfaces in an evaluation's pairs, if their reflectance laws have one."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
 def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
-    """Brightness (n,) at ``PHASE_DEG``, relative to the brightness at opposition, by the name of each law in the pairs'
-    facts."""
+    """Compute the brightness (n,) at ``PHASE_DEG``, relative to the brightness at opposition, of each law in the pairs'
+    facts, by its name.
+    """
     found: dict[str, Array] = {}
     for pair in pairs:
         if not pair["settings"]:
@@ -40,7 +41,7 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
 
 
 def _make_law_name(surface: SurfaceSettings, hapke: HapkeSettings) -> str:
-    """A name of a law with its parameters; empty if it has no closed form or reflects nothing."""
+    """Name a law with its parameters; "" if it has no closed form or reflects nothing."""
     if surface.model == "PRINCIPLED" or (hapke.w if surface.model == "HAPKE" else surface.albedo) == 0:
         return ""
     if surface.model != "HAPKE":

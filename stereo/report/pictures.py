@@ -1,4 +1,4 @@
-"""The pictures that the report contains: of the shown pairs, and of a typical pair of each condition by each method."""
+"""The pictures in the report: of the shown pairs, and of a typical pair of each condition by each method."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _JPEG_QUALITY = 80
 
 
 def embed_picture(path: Path, height: int, linear: bool = False) -> str:
-    """A picture as a data URL, without the colour bar below its ``height`` rows, as HTML draws its own.
+    """Embed a picture as a data URL, without the colour bar below its ``height`` rows, because HTML draws its own.
 
     The ``linear`` grey values of a sensor get the gamma of screens.
     """
@@ -41,17 +41,17 @@ def embed_picture(path: Path, height: int, linear: bool = False) -> str:
 
 
 def apply_screen_gamma(image: Array) -> Array:
-    """The linear grey values of a sensor, uint8, as screens show them."""
+    """Apply the gamma of screens to the linear grey values of a sensor, uint8."""
     return np.asarray((255 * (image / 255.0) ** SCREEN_GAMMA).astype(np.uint8))
 
 
 def embed_left_image(facts: Mapping[str, Any], out: Path) -> str:
-    """The left image of a pair as a data URL."""
+    """Embed the left image of a pair as a data URL."""
     return embed_picture(out / facts["images"]["left"], facts["height_px"], linear=facts.get("linear", True))
 
 
 def find_typical_pair(table: ResultTable, among: Array) -> int | None:
-    """The number of the typical pair where the boolean ``among`` is true; None if no such pair counts.
+    """Find the number of the typical pair where the boolean ``among`` is true; None if no such pair counts.
 
     Its share of wrong or missing pixels, averaged over the methods, is the median; of two pairs in the middle the
     better one is chosen. Pairs with failed methods are chosen only if there are no others.
@@ -67,8 +67,8 @@ def find_typical_pair(table: ResultTable, among: Array) -> int | None:
 
 
 def choose_typical_pairs(table: ResultTable, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
-    """The conditions of the matrix, each with its typical pair: as many as fit, or all pairs without conditions. None
-    for fewer than two pairs, since the report then shows the pair itself.
+    """Choose the conditions of the matrix, each with its typical pair: as many as fit, or all pairs as one without
+    conditions. [] for fewer than two pairs, because the report then shows the pair itself.
     """
     if len(table.pairs) < 2:
         return []
@@ -87,8 +87,8 @@ def make_picture_matrix(
     rows: Sequence[Mapping[str, Any]],
     out: Path,
 ) -> list[dict[str, Any]]:
-    """A row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
-    method, the ``row`` and its ``error`` picture, empty if the method failed.
+    """Make a row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
+    method, the ``row`` and its ``error`` picture, "" if the method failed.
 
     ``facts`` are by pair; ``rows`` are of all pairs and methods.
     """

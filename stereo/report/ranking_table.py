@@ -1,5 +1,6 @@
-"""The ranking table, the report's first table: methods by metrics, over three sets of pixels, for all pairs and per
-condition."""
+"""The ranking table, the report's first table: methods by metrics, over three sets of pixels, for all pairs and for
+each condition.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ from .verdict_text import describe_verdicts
 
 @dataclass(frozen=True)
 class RankedColumn:
-    """A column: the path of its number in a summary, and the comparison that ranks it ("" for no rank)."""
+    """A column, whose number is found in a summary, and the comparison that ranks it ("" for no rank)."""
 
     column: Column
     compared: str
@@ -34,7 +35,7 @@ class RankedColumn:
 
 @dataclass(frozen=True)
 class PixelSet:
-    """A set of pixels, and the columns over it."""
+    """A set of pixels, and the columns of the table with numbers over it."""
 
     key: str
     name: str
@@ -43,7 +44,7 @@ class PixelSet:
 
 
 def _make_measured_columns(prefix: str) -> tuple[RankedColumn, ...]:
-    """The columns over measured pixels, with a prefix of the numbers. They are ranked on common pixels."""
+    """Make the columns over measured pixels, whose keys begin with ``prefix``. They are ranked on common pixels."""
     keys = ("epe_px", "bad_1", "d1", "l1_m", "rmse_m", "l1_rate_10", "si_rmse", "dod")
     return (
         RankedColumn(replace(TOTAL_COLUMNS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
@@ -101,17 +102,17 @@ VIEWS = (
         _make_measured_columns("visible_"),
     ),
 )
-#: The view and the column, by its place, by which the table is sorted at first.
+#: The view and the index of the column by which the table is sorted at first.
 FIRST_SORTING = ("total", 2)
 
 
 def make_ranking_table(
     table: ResultTable, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition], seed: int
 ) -> dict[str, Any]:
-    """The ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
+    """Make the ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
 
-    A condition has a note on each method, whether there are ``intervals`` and whether methods are ``ranked``, and, by
-    view, method and column, ``cells``: [text, interval, rank, bold, number].
+    A condition has a note on each method, and states whether there are ``intervals`` and whether methods are
+    ``ranked``. Its ``cells``, by view, method and column, are [text, interval, rank, bold, number].
     """
     found = [_make_condition("All pairs", table, summary, verdicts)]
     for condition in conditions:
@@ -153,7 +154,7 @@ def _make_condition(
 
 
 def _note_on_pairs(entry: Mapping[str, Any]) -> str:
-    """A note on the pairs of a method that are excluded from the numbers, and on a method without any number."""
+    """Write a note on the pairs of a method that are excluded from the numbers, and on a method without any number."""
     parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
     return ", ".join([NO_RESULT] * (entry["n"] == 0) + parts)
 

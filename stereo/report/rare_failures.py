@@ -1,11 +1,11 @@
 """Methods that fail heavily in few pairs; chance decides the number of these failures in a data set.
 
-Whether such a method is better on average depends on these failures. The typical scene has none, so a verdict on it
-does not count them. The sign: in at most a tenth of the pairs, a method's excess over the other methods' median is at
-least a third of its error in all pairs, and at least half of its error in these pairs. If nothing is special about any
-pair, a tenth of the pairs has a tenth of the error. With lognormal errors it has a third only if the errors vary by a
-factor of 2.3 from pair to pair; errors of ordinary methods vary by 1.6. Pairs that are hard for all methods are no
-sign, as they cancel in the differences.
+These failures decide whether such a method is better on average. The typical scene has none, so a verdict on it does
+not count them. The criterion: in at most a tenth of the pairs, a method's excess over the other methods' median is at
+least a third of its error in all pairs, and at least half of its error in these pairs. If all pairs were alike, a tenth
+of the pairs would have a tenth of the error. With lognormal errors it has a third only if the errors vary by a factor
+of 2.3 from pair to pair; errors of ordinary methods vary by 1.6. Pairs that are hard for all methods do not count,
+because they cancel in the differences.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..matchers.methods import describe_method
 from .summary import ResultTable
 from .table_columns import RANKING_METRIC
 
-#: A rare failure has at least the first share of the error in at most the second share of the pairs.
+#: A rare failure has at least ERROR_SHARE of the error in at most PAIR_SHARE of the pairs.
 ERROR_SHARE, PAIR_SHARE = 1 / 3, 1 / 10
 #: Least excess of a method over the others in these pairs, as a share of its error there.
 _MIN_EXCESS_SHARE = 1 / 2
@@ -36,7 +36,7 @@ class RareFailure:
 
 
 def find_rare_failures(table: ResultTable) -> list[RareFailure]:
-    """The methods that fail heavily in few pairs, by pixels that are wrong or missing."""
+    """Find the methods that fail heavily in few pairs, by pixels that are wrong or missing."""
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     if len(measured) < 2:
         return []
@@ -58,7 +58,7 @@ def find_rare_failures(table: ResultTable) -> list[RareFailure]:
 
 
 def describe_rare_failures(table: ResultTable) -> list[str]:
-    """A sentence for each method that fails heavily in few pairs."""
+    """Write a sentence for each method that fails heavily in few pairs."""
     return [
         f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
         f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. The "

@@ -27,8 +27,8 @@ class RowLog:
     """A JSON-lines file with a row per (pair, method); if there are several, the last row counts.
 
     An appended row is on the disk. Only the place and the ``key`` of each row are in memory. An incomplete row of an
-    interrupted run is removed; lines that are no rows of ``shape`` are skipped. Raises IcyMoonError if the disk
-    refuses.
+    interrupted run is removed; lines that are no rows of ``shape`` are skipped. Raises IcyMoonError if the file cannot
+    be read or written.
     """
 
     def __init__(self, path: Path, shape: Mapping[str, Shape] = ROW_NAMES) -> None:
@@ -58,12 +58,12 @@ class RowLog:
             start += length
 
     def find(self, pair: str, method: str, key: str) -> Row | None:
-        """The row of a pair and method, if it has this ``key``."""
+        """Find the row of a pair and method; None without a row that has this ``key``."""
         known = self._rows.get((pair, method), (0, ""))[1] == key
         return self.read(pair, method) if known else None
 
     def read(self, pair: str, method: str) -> Row:
-        """The row of a pair and method, which must exist. Raises IcyMoonError if another program removed it."""
+        """Read the row of a pair and method, which must exist. Raises IcyMoonError if another program removed it."""
         with explain_disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
             row = self._parse_row(stream.readline(_LONGEST_ROW))

@@ -1,4 +1,4 @@
-"""The content of ``report.json``, and of the rows and facts behind it. An undefined number is null.
+"""The content of ``report.json``, and of the rows and facts from which it is made. An undefined number is null.
 
 ``summary.json`` is the report without ``rows`` and ``pairs``, which grow with the data set, but with ``shown``: the
 rows of the pairs whose pictures are in the HTML report.
@@ -32,14 +32,16 @@ class Comparison(TypedDict):
     better: str | None  # the better method in the typical scene; null without a verdict
     p: float | None  # adjusted
     detectable: float | None
-    scenes_needed: int  # for a verdict
+    scenes_needed: int  # number of scenes for a verdict
     value: float | None  # the mean over scenes
     low: float | None  # its 95 % bounds
     high: float | None
 
 
 class Failure(TypedDict):
-    """A pair that could not be measured, by one ``method`` or by all; or a pair that is left out of the averages."""
+    """A pair that could not be measured, by one ``method`` or by all methods; or a pair that is left out of the
+    averages.
+    """
 
     pair: str
     message: str
@@ -53,18 +55,18 @@ class Report(TypedDict):
 
     format: str
     version: int
-    summary: list[dict[str, Any]]  # of each method, see ``summary.summarise_method``, with its ``ranks``
+    summary: list[dict[str, Any]]  # entry of each method, see ``summary.summarise_method``, with its ``ranks``
     curves: dict[str, str]  # pictures of the error by the setting that varies, relative to the report
     comparisons: list[Comparison]
     verdicts: str  # the conclusions of the comparisons
-    typical_differences: list[str]  # how every two methods differ in the typical scene
-    rare_failures: list[str]  # the verdicts that say which methods fail heavily in few pairs
+    typical_differences: list[str]  # sentences on the typical difference between every two methods
+    rare_failures: list[str]  # sentences on the methods that fail heavily in few pairs
     rows: Sequence[Row]  # read from the disk on demand, see ``ROW``
     pairs: Sequence[Row]  # the facts of each usable pair, see ``FACTS``; read on demand too
     failed: list[Failure]
     suspect: list[Failure]  # pairs whose eyes contradict each other or the truth
     notes: list[str]  # sentences on the limits of the comparison
-    briefs: list[str]  # their first parts, for where there is little room
+    briefs: list[str]  # the first parts of the notes, for places with little room
     doubts: list[str]  # the notes that make results doubtful
     noise_doubt: float  # difference of mean shares of wrong or missing pixels that noise of the renders may make
     plug_ins: list[dict[str, Any]]  # the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``
@@ -80,7 +82,7 @@ ROW: dict[str, Shape] = {
     "options": TABLE,  # all of the matcher
     "facts": TABLE,  # on the run of the method, if it states them
     "search": SEARCH,  # the disparities that were searched, and the share of true ones outside
-    "counts": Each(COUNT, TEXT),  # of pixels per outcome
+    "counts": Each(COUNT, TEXT),  # numbers of pixels per outcome
     "strata": TABLE,
     "sparsification": TABLE,
     "error_curve": Each(ANYTHING),
@@ -105,7 +107,7 @@ ROW: dict[str, Shape] = {
 }
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 LONG = ("strata", "sparsification", "histograms", "common", "confidence_curves")
-#: Shape of the facts of a pair (see ``prepare``): the entries that are read again.
+#: Shape of the facts of a pair (see ``measure.prepare_pair``): the entries that are read again.
 FACTS: dict[str, Shape] = {
     "pair": TEXT,
     "key": TEXT,

@@ -1,4 +1,4 @@
-"""Summarising the rows of an evaluation: averages per method with intervals, and differences between methods."""
+"""Summarise the rows of an evaluation: averages per method with intervals, and differences between methods."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ComparedMetric:
     """A metric by which methods are compared.
 
     ``key`` names the comparison; a key that starts with ``common_`` is over the pixels that both methods measured. A
-    ``ratio`` compares sizes by the logarithm of their ratio in each scene, so that few scenes show more and hard scenes
+    ``ratio`` compares sizes by the logarithm of their ratio in each scene, so that few scenes suffice and hard scenes
     weigh no more than easy ones. Other metrics are compared by their difference in each scene.
     """
 
@@ -68,7 +68,7 @@ class ResultTable:
 
     ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average. ``common`` is
     (methods, methods, pairs, common_pixels.NUMBERS): numbers of the first method on the pixels that the second measured
-    too. ``counts`` is true for rows that count. ``scenes`` (pairs) is -1 until the scene of a pair is known.
+    too. ``counts`` is true for rows that count. ``scenes`` (pairs,) is -1 until the scene of a pair is known.
     """
 
     def __init__(self, methods: Sequence[str], pairs: Sequence[str]) -> None:
@@ -78,7 +78,7 @@ class ResultTable:
         self.counts = np.zeros((len(methods), len(pairs)), bool)
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
-        self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
+        self.by_noise = np.zeros(len(pairs), bool)  # whether noise of the render decides the result of a pair
         self.confidence = ConfidenceTable(len(methods), len(pairs))
         self.plugins: dict[str, Array] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
@@ -119,11 +119,11 @@ class ResultTable:
                 self._curves[method][key][1] += 1
 
     def scene_count(self) -> int:
-        """The number of scenes with a pair that counts."""
+        """Count the scenes with a pair that counts."""
         return len(np.unique(self.scenes[self.counts.any(axis=0)]))
 
     def where(self, pairs: Array) -> ResultTable:
-        """The numbers of the pairs where the boolean ``pairs`` is true, without sums over pixels."""
+        """Return the numbers of the pairs where the boolean ``pairs`` is true, without sums over pixels."""
         part = ResultTable(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
         part.values, part.common = self.values[:, pairs], self.common[:, :, pairs]
         part.counts, part.failed, part.scenes = self.counts[:, pairs], self.failed[:, pairs], self.scenes[pairs]
@@ -131,17 +131,19 @@ class ResultTable:
         return part
 
     def column(self, method: int, key: str) -> Array:
-        """One number for all pairs, NaN where undefined."""
+        """Return one number for all pairs, NaN where undefined."""
         return self.values[method, :, _COLUMN_BY_NUMBER[key]]
 
     def curve(self, method: int, key: str) -> list[float]:
-        """The mean ``error_curve``, or mean sparsification by ``texture`` or ``best``; empty if none is defined."""
+        """Return the mean ``error_curve``, or the mean sparsification by ``texture`` or ``best``; [] if no pair
+        has it.
+        """
         total, count = self._curves[method][key]
         return list((total / count).tolist()) if count else []
 
 
 def _pool_over_pixels(table: ResultTable, method: int) -> dict[str, float | None]:
-    """The means of ``POOLED_METRICS`` over the pixels of all pairs of a method, as ``pooled_*``."""
+    """Average ``POOLED_METRICS`` over the pixels of all pairs of a method, as ``pooled_*``."""
     weights = table.column(method, "n")
     pooled: dict[str, float | None] = {}
     for metric in POOLED_METRICS:
@@ -156,13 +158,12 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
-    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of the means that have scenes enough for them (see
-    ``scene_means``), ``scenes`` is the number of scenes behind them. ``pooled_*`` are means over the pixels of all
-    pairs. ``pairs`` is the number of pairs that count; ``failed`` and ``suspect`` count the others. ``strata``
-    contains, per factor, the ``classes`` and, per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs,
-    ``histograms`` those of ``disparity_histograms``; for ``confidence`` see ``ConfidenceTable.summarise``.
-    A quantile over all true pixels is infinite in a pair with too few
-    measured ones; its mean is then null.
+    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of the means with enough scenes (see ``scene_means``),
+    and ``scenes`` is the number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs``
+    is the number of pairs that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the
+    ``classes`` and, per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs, and ``histograms`` the sums of
+    ``disparity_histograms``. For ``confidence`` see ``ConfidenceTable.summarise``. A quantile over all true pixels is
+    infinite in a pair with too few measured pixels; its mean is then null.
     """
     counted = table.counts[method]
     result: dict[str, Any] = {
@@ -205,20 +206,19 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
 
 
 def is_share(key: str) -> bool:
-    """Whether a number is a share, from 0 to 1."""
+    """Return whether a number is a share, from 0 to 1."""
     return key.endswith(_SHARE_NAMES)
 
 
 def compare_methods(
     table: ResultTable, seed: int, with_means: bool = False
 ) -> tuple[list[Comparison], list[dict[str, tuple[int, int]]]]:
-    """Compare every two methods by each of COMPARED; also the ``typical_scene.find_rank_ranges`` of each method by
-    metric.
+    """Compare every two methods by each of COMPARED. Also return the ``typical_scene.find_rank_ranges`` of each method
+    by metric.
 
-    The means over scenes have bounds if ``with_means``, and if there are scenes enough. For the typical scene see
-    ``typical_scene.ComparisonFamily``. Conditions that make a scene easy or hard for both methods cancel.
-
-    Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
+    The means over scenes have bounds if ``with_means``, and if there are enough scenes. For the typical scene see
+    ``typical_scene.ComparisonFamily``. Conditions that make a scene easy or hard for both methods cancel. Methods that
+    measured nothing are not compared. There are ranks only if there are enough scenes for a verdict.
     """
     methods = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     chosen = [(methods[a], methods[b]) for a, b in list_method_pairs(len(methods))]
@@ -261,8 +261,9 @@ def compare_methods(
 
 
 def _subtract_by_scene(table: ResultTable, a: int, b: int, metric: ComparedMetric) -> tuple[Array, int]:
-    """The difference of two methods in each scene, or of the logarithms of their means, NaN where undefined; and the
-    number of pairs that it is from."""
+    """Subtract two methods in each scene, or the logarithms of their means for a ratio, NaN where undefined. Also
+    return the number of pairs with both methods.
+    """
     if metric.key in _COMMON_PLACE:
         place = _COMMON_PLACE[metric.key]
         one, other = table.common[a, b, :, place], table.common[b, a, :, place]

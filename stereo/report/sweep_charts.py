@@ -32,7 +32,7 @@ from .charts import (
     add_panel,
     iterate_methods,
     make_figure,
-    start_at_zero,
+    start_axis_at_zero,
 )
 from .summary import ResultTable
 from .varied_on_purpose import FactorLines, choose_lines
@@ -63,7 +63,7 @@ _DPI = 120
 
 @dataclass(frozen=True)
 class SweepCharts:
-    """The charts of a setting that varies, as SVG in rows, and notes on them in sentences.
+    """The charts of a setting that varies, as SVG in rows, with a caption.
 
     ``of_all`` is true if every chart shows all methods, which then need a legend.
     """
@@ -92,17 +92,15 @@ def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSet
 
 
 def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSetting], out: Path) -> dict[str, str]:
-    """Write a picture of the mean error against each varied setting.
+    """Write a picture of the mean error against each varied setting; return the paths relative to ``out``, by setting.
 
-    Returns the paths of the pictures relative to ``out``, by setting.
-
-    They are for programs that show no HTML, such as Blender.
+    The pictures are for programs that show no HTML, such as Blender.
     """
     curves = {}
     for sweep in sweeps[:MAX_SWEEPS]:
         topic, _, key = sweep.name.partition(".")
         if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
-            continue  # of another version, whose names may be no names of files
+            continue  # a setting of another version, whose name may not be the name of a file
         lines = _choose_sweep_lines(sweep, sweeps, summary)
         with matplotlib.rc_context({**STYLE, **ON_WHITE}):
             figure, axes = make_figure(2, len(summary) if lines else 1, width=9.6, height=3.6 if lines else 4.2)
@@ -129,14 +127,14 @@ def write_picture(figure: Figure, path: Path) -> None:
 
 
 def _choose_sweep_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting], summary: Summary) -> FactorLines | None:
-    """The lines of a setting's charts, one for each value of another setting; None without such a setting or with too
-    many methods.
+    """Choose the lines of a setting's charts, one for each value of another setting. None without such a setting or
+    with too many methods.
     """
     return choose_lines(sweep, sweeps) if len(summary) <= _MAX_SPLIT else None
 
 
 def _draw_methods_together(sweep: VariedSetting, summary: Summary, table: ResultTable) -> list[str]:
-    """A chart of each metric with all methods."""
+    """Draw a chart of each metric with all methods."""
     found: list[str] = []
     for metric in SWEPT_METRICS:
         with add_panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT_IN) as axis:
@@ -147,7 +145,9 @@ def _draw_methods_together(sweep: VariedSetting, summary: Summary, table: Result
 def _draw_methods_apart(
     sweep: VariedSetting, lines: FactorLines, summary: Summary, table: ResultTable
 ) -> list[list[str]]:
-    """For each metric the charts of all methods, in one scale, with a line for each value of another setting."""
+    """Draw, for each metric, a chart of each method, all in one scale, with a line for each value of another
+    setting.
+    """
     rows = []
     for metric in SWEPT_METRICS:
         found: list[str] = []
@@ -164,7 +164,7 @@ def _draw_methods_apart(
 def _make_caption(
     sweep: VariedSetting, lines: FactorLines | None, sweeps: Sequence[VariedSetting], table: ResultTable
 ) -> str:
-    """Caption of the charts of a setting: its title, the pairs of the means, and settings that vary together."""
+    """Make the caption of a setting's charts: its title, the pairs of the means, and settings that vary together."""
     point = sweep.levels()[2]
     if lines:
         point = np.where((point >= 0) & (lines.of >= 0), point * len(lines.names) + lines.of, -1)
@@ -196,7 +196,7 @@ def _draw_sweep(
     for k, _, look in iterate_methods(summary):
         _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _make_line_style(sweep)})
     _finish_axis(sweep, axis, metric[2], table)
-    start_at_zero(axis)
+    start_axis_at_zero(axis)
 
 
 def _draw_lines(
@@ -208,7 +208,7 @@ def _draw_lines(
     method: int,
     look: dict[str, Any],
 ) -> None:
-    """Draw one of ``SWEPT_METRICS`` for one method, a line for each value of another setting."""
+    """Draw one of ``SWEPT_METRICS`` for one method, with a line for each value of another setting."""
     for n, (name, colour) in enumerate(zip(lines.names, _make_shades(look["color"], len(lines.names)), strict=True)):
         style = {
             "color": colour,
@@ -230,7 +230,9 @@ def _draw_means(
     look: dict[str, Any],
     among: Array | None = None,
 ) -> None:
-    """Draw the means of a method with their intervals, at ``place`` (k of n) beside the other methods."""
+    """Draw the means of a method with their intervals; ``place`` is (k, n), its position k beside n methods or
+    lines.
+    """
     _, places, _ = sweep.levels()
     key, factor, _ = metric
     mean, bounds = average_by_level(sweep, table, method, key, among)
@@ -270,7 +272,7 @@ def _finish_axis(sweep: VariedSetting, axis: Axes, label: str, table: ResultTabl
 
 
 def _wrap_tick_label(name: str) -> str:
-    """A name below an axis, in two lines if it is long."""
+    """Wrap a name below an axis to two lines if it is long."""
     short = name if len(name) <= _MAX_TICK_CHARACTERS else f"{name[: _MAX_TICK_CHARACTERS - 1]}…"
     space = short.rfind(" ", 0, _TICK_LINE_CHARACTERS + 1)
     return short if len(short) <= _TICK_LINE_CHARACTERS or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
@@ -279,7 +281,7 @@ def _wrap_tick_label(name: str) -> str:
 def _find_axis_top(
     sweep: VariedSetting, lines: FactorLines, metric: tuple[str, float, str], methods: int, table: ResultTable
 ) -> float:
-    """The upper limit of the axis of a metric, the same for all methods."""
+    """Find the upper limit of the axis of a metric, the same for all methods."""
     key, factor, _ = metric
     tops = [0.0]
     for method in range(methods):
@@ -290,7 +292,7 @@ def _find_axis_top(
 
 
 def _add_line_legend(axis: Axes, lines: FactorLines) -> None:
-    """Add a legend of the lines above the figure of a chart, with the name of the setting that they are of."""
+    """Add a legend of the lines above a chart, titled with the setting whose values they show."""
     handles, labels = axis.get_legend_handles_labels()
     axis.figure.legend(
         handles,
@@ -304,7 +306,7 @@ def _add_line_legend(axis: Axes, lines: FactorLines) -> None:
 
 
 def _make_shades(colour: str, count: int) -> list[str]:
-    """``count`` shades of a colour, from a lighter one to a darker one."""
+    """Make ``count`` shades of a colour, from a lighter one to a darker one."""
     base = np.array(to_rgb(colour))
     parts = np.linspace(_LIGHTER_SHARE, -_DARKER_SHARE, count) if count > 1 else np.zeros(1)
     return [to_hex(base + part * (1 - base) if part > 0 else base * (1 + part)) for part in parts]

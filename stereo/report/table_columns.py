@@ -19,7 +19,7 @@ class Column:
 
     @property
     def title(self) -> str:
-        """Heading and unit."""
+        """The heading with the unit."""
         return f"{self.heading} ({self.unit})" if self.unit else self.heading
 
 
@@ -56,7 +56,7 @@ SUMMARY_COLUMNS = (*TOTAL_COLUMNS, *MEASURED_COLUMNS, SECONDS_COLUMN)
 RANKING_METRIC = "total_bad_1"
 #: The text in place of a rank for a method without measurements.
 NO_RESULT = "no result"
-#: How the note begins that noise of the render decides the result of pairs.
+#: The beginning of the note on pairs whose result noise of the render decides.
 NOISE_DECIDES = "Noise of the render decides the result"
 #: The columns of the GUISS reference code, each with our column.
 GUISS_COLUMNS = (
@@ -105,34 +105,34 @@ COMPARED_COLUMNS = (
 
 
 def make_plugin_columns(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:
-    """The columns of the metrics of plug-ins, from ``plug_ins`` of a report."""
+    """Make the columns of the metrics of plug-ins, from ``plug_ins`` of a report."""
     return [Column(m["name"], m["heading"], m["unit"], m["decimals"], m["doc"]) for m in metrics]
 
 
 def format_plugin(entry: Mapping[str, Any], column: Column) -> str:
-    """The mean of a plug-in's metric in the summary of a method; a dash if it is undefined."""
+    """Format the mean of a plug-in's metric in the summary of a method; a dash if it is undefined."""
     return format_mean(entry["plug_ins"], column)
 
 
 def format_mean(means: Mapping[str, Any], column: Column) -> str:
-    """The ``mean`` of a column in a table of means with intervals; a dash if it is undefined."""
+    """Format the ``mean`` of a column in a table of means with intervals; a dash if it is undefined."""
     return _format_value(means.get(column.key, {}).get("mean"), column)
 
 
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
-    """The number ``entry[prefix + key]`` without its unit; a dash if it is undefined."""
+    """Format the number ``entry[prefix + key]`` without its unit; a dash if it is undefined."""
     return _format_value(entry.get(prefix + column.key), column)
 
 
 def format_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
-    """The bounds of a mean, "low … high"; empty for an unknown bound."""
+    """Format the bounds of a mean, "low … high"; "" if a bound is unknown."""
     if bounds is None or None in bounds:
         return ""
     return " … ".join(_format_value(bound, column) for bound in bounds)
 
 
 def format_result(entry: Mapping[str, Any], column: Column) -> str:
-    """The number of a method in its summary, without unit; a dash if it is undefined.
+    """Format the number of a method in its summary, without unit; a dash if it is undefined.
 
     A method that measured nothing has no result: it is not the worst, and its coverage is no achievement. Only its cost
     is shown.
@@ -141,7 +141,7 @@ def format_result(entry: Mapping[str, Any], column: Column) -> str:
 
 
 def format_rank(entry: Mapping[str, Any], metric: str) -> str:
-    """The best and the worst rank that a method of a summary may have, "1–3"; a dash if there is no verdict."""
+    """Format the best and the worst rank that a method of a summary may have, "1–3"; a dash if there is no verdict."""
     if not entry["n"]:
         return NO_RESULT
     best, worst = entry["ranks"].get(metric, (None, None))
@@ -149,8 +149,8 @@ def format_rank(entry: Mapping[str, Any], metric: str) -> str:
 
 
 def is_best(entry: Mapping[str, Any], metric: str, summary: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether a method of a summary is best by a comparison: no other is significantly better, and at least one is
-    significantly worse.
+    """Return whether a method of a summary is best by a comparison: no other is significantly better, and at least one
+    is significantly worse.
     """
     ranks = entry["ranks"].get(metric)
     return ranks is not None and ranks[0] == 1 and ranks[1] < sum(metric in other["ranks"] for other in summary)

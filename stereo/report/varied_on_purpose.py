@@ -1,4 +1,4 @@
-"""Finds the settings that were varied on purpose against each other, and the lines of charts that follow."""
+"""Find the settings that were varied on purpose against each other, and the lines of charts that follow."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .by_setting import POSE_SETTINGS, VariedSetting
 #: Most values of a setting with a line each, and the number of groups for settings with more values.
 MAX_LINES, _GROUP_COUNT = 6, 4
 #: Settings count as varied on purpose if at least this share of the combinations of two of them occurs, with at least
-#: this many pairs for each value of a setting. Values drawn at random are all different.
+#: this number of pairs for each value of a setting. Values drawn at random are all different.
 _MIN_CROSSED_SHARE, _MIN_REPEATS = 0.9, 2
 
 
@@ -28,7 +28,8 @@ class FactorLines:
 
 
 def choose_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting]) -> FactorLines | None:
-    """The lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose with it.
+    """Choose the lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose
+    with it.
 
     None without such a setting. The poses of a camera and names beyond ``MAX_LINES`` make no lines.
     """
@@ -52,7 +53,7 @@ def _is_repeated(sweep: VariedSetting) -> bool:
 
 
 def _are_crossed(one: VariedSetting, other: VariedSetting) -> bool:
-    """Whether nearly every value of one setting occurs with nearly every value of another."""
+    """Return whether nearly every value of one setting occurs with nearly every value of another."""
     known = _find_known(one) & _find_known(other)
     first, second = (np.unique(sweep.values[known], return_inverse=True)[1] for sweep in (one, other))
     if not known.any() or min(first.max(), second.max()) < 1:

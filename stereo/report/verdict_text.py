@@ -18,8 +18,9 @@ _STATED_METRICS = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more
 
 
 def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTable) -> str:
-    """Whether the comparisons of the methods of a table have verdicts, the smallest difference that they could detect,
-    and the methods whose rare but heavy failures make a verdict depend on chance."""
+    """Describe the verdicts on the methods of a table: whether the comparisons have verdicts, the smallest difference
+    that they could detect, and the methods whose rare but heavy failures make a verdict depend on chance.
+    """
     scenes = table.scene_count()
     if not comparisons or not scenes:
         return ""
@@ -46,9 +47,9 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTab
 
 
 def describe_typical(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence for each two methods on their typical difference by ``RANKING_METRIC``, with the interval.
+    """Write a sentence for each two methods on their typical difference by ``RANKING_METRIC``, with the interval.
 
-    Methods that differ come first. Empty if no scenes allow an interval.
+    Methods that differ come first. [] if there are too few scenes for an interval.
     """
     entries = [
         entry
@@ -74,8 +75,9 @@ def _describe_difference(entry: Mapping[str, Any]) -> str:
 
 
 def _describe_unseen(scenes: int) -> str:
-    """A limit of every test on these scenes: failures that occur in no scene. If a share q of all scenes had one,
-    this many scenes would contain none with a probability of (1 - q)^scenes.
+    """Describe a limit of every test on these scenes: failures that occur in no scene.
+
+    If a share q of all scenes had one, ``scenes`` scenes would contain none with a probability of (1 - q)^scenes.
     """
     return (
         f"A failure that none of the {scenes} scenes contains may still occur in up to "

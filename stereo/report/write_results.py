@@ -1,4 +1,4 @@
-"""Writing the results of an evaluation: CSV, JSON and the HTML report."""
+"""Write the results of an evaluation: CSV, JSON and the HTML report."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ def write_results(
     guiss: bool,
     faults: Sequence[str] = (),
 ) -> Report:
-    """Write ``results.csv``, ``comparisons.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs
-    ``names``; return the report. ``faults`` are sentences about plug-ins that were left out."""
+    """Write ``results.csv``, ``comparisons.csv``, ``report.json``, ``summary.json`` and ``report.html`` for the pairs
+    ``names``; return the report. ``faults`` are sentences about plug-ins that were left out.
+    """
     labels = [method.label for method in methods]
     rows = LazyRows(
         len(names) * len(labels), lambda k: _shorten_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
@@ -63,7 +64,7 @@ def write_results(
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table, notes = ResultTable(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}
-    ran_on = _fill(table, notes, log, facts, places)
+    ran_on = _fill_table_and_notes(table, notes, log, facts, places)
     comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
@@ -98,10 +99,12 @@ def write_results(
     return report
 
 
-def _fill(
+def _fill_table_and_notes(
     table: ResultTable, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> dict[str, list[Any]]:
-    """Add the facts of all pairs and all rows to a table and to notes. Returns the device of each method."""
+    """Add the facts of all pairs and all rows to a table and to notes. Return the distinct facts on the runs of each
+    method.
+    """
     scenes: dict[str, int] = {}
     for pair in facts:
         place = places[pair["pair"]]
@@ -119,7 +122,7 @@ def _fill(
 
 
 def _write_files(out: Path, report: Report, shown: list[Row]) -> None:
-    """Write all files but the page; ``shown`` are the rows of the pairs that the page shows."""
+    """Write all files except the page; ``shown`` are the rows of the pairs that the page shows."""
     metrics = [metric["name"] for metric in report["plug_ins"]]
     measures = {measure for entry in report["summary"] for measure in entry["confidence"]}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, report["rows"], metrics, measures))
@@ -134,14 +137,14 @@ def _find_preset_title(facts: Sequence[Mapping[str, Any]]) -> str:
 
 
 def find_facts(out: Path, pair: str) -> dict[str, Any] | None:
-    """The facts of a pair; None if they are missing or damaged."""
+    """Find the facts of a pair; None if they are missing or damaged."""
     with suppress(OSError, IcyMoonError):
         return dict(read_facts(out, pair))
     return None
 
 
 def read_facts(out: Path, pair: str) -> dict[str, Any]:
-    """The facts of a pair. Raises IcyMoonError if they cannot be read."""
+    """Read the facts of a pair. Raises IcyMoonError if they cannot be read."""
     facts: dict[str, Any] = read_record(out / "pairs" / pair / "facts.json", FACTS, "evaluate again")
     return facts
 
@@ -155,8 +158,9 @@ def _shorten_row(row: Row) -> Row:
 
 
 def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str], measures: Collection[str]) -> None:
-    """Write all rows as CSV with a header line, the ``metrics`` of plug-ins and of the ``measures`` of confidence after
-    ours; undefined numbers are empty."""
+    """Write all rows as CSV with a header line. After our numbers come the ``metrics`` of plug-ins and the metrics of
+    the ``measures`` of confidence; undefined numbers are empty.
+    """
     stated = list_confidence_columns(measures)
     with part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(

@@ -1,1 +1,1 @@
-"""Preregistered studies: recipes of rendering compared with converged renders on many grounds."""
+"""Preregistered studies: render settings compared with converged renders on many grounds."""

@@ -1,8 +1,8 @@
 """The conclusions of a study from its views: typical changes of errors and of gaps, the order of methods and of noise.
 
-A scene is a ground; its views are averaged first. A comparison is one family: the changes of all errors and of all gaps
-between methods are held at once. A change against the converged render is claimed only if the noise of that render,
-measured by its two halves, is below a tenth of the change.
+A scene is a ground; its views are averaged first. A comparison is one family: the intervals for the changes of all
+errors and of all gaps between methods hold simultaneously. A change against the converged render is claimed only if the
+noise of that render, measured by its two halves, is below a tenth of the change.
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ Number = Callable[[Cell, str], float]
 
 
 def draw_conclusions(study: Study, cells: Sequence[Cell], methods: Sequence[str]) -> dict[str, Any]:
-    """All conclusions as JSON: errors in points of 100; ``null`` where there are too few scenes. Views whose converged
-    render has more noise than the study allows are among the ``cells``, and do not count."""
+    """Draw all conclusions as JSON: errors in points of 100; ``null`` if there are too few scenes.
+
+    ``cells`` include views whose converged render has more noise than the study allows; these do not count.
+    """
     counted = [cell for cell in cells if cell.reference_noise <= study.reference_noise]
     numbers = _list_numbers(methods)
     by_light = {f"{method}, {light}": _compute_error(method, light) for method in methods for light in LIGHTS}
@@ -67,7 +69,7 @@ def _compute_gap(one: str, other: str) -> Number:
 
 
 def _list_numbers(methods: Sequence[str]) -> dict[str, Number]:
-    """The error of each method, and each gap ``b - a`` between two methods."""
+    """List the error of each method, and each gap ``b - a`` between two methods, by name."""
     gaps = {f"{other} - {one}": _compute_gap(one, other) for one, other in combinations(methods, 2)}
     return {method: _compute_error(method) for method in methods} | gaps
 
@@ -77,7 +79,7 @@ def _compute_difference(number: Number, of: str, against: str) -> Callable[[Cell
 
 
 def _average_by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
-    """The mean of a number over the views of each ground, where it is known; NaN for grounds without one."""
+    """Average a number over the views of each ground where it is known; NaN for grounds without such a view."""
     grounds: dict[str, list[float]] = {}
     for cell in cells:
         known = grounds.setdefault(cell.view.ground, [])
@@ -87,7 +89,7 @@ def _average_by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -
 
 
 def _measure_reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
-    """The change that noise makes to a number of the converged render, in the typical scene.
+    """Measure the change that noise makes to a number of the converged render, in the typical scene.
 
     The bias from noise falls as the noise's variance, so the mean of two halves has half the bias of each half: its
     bias equals its improvement over the halves. The scatter from noise is half of the difference of the halves, over
@@ -112,7 +114,7 @@ def _find_changes(
     numbers: dict[str, Number],
     noise: dict[str, float],
 ) -> dict[str, dict[str, Any]]:
-    """The typical change of each number from a recipe to another, all held at once."""
+    """Find the typical change of each number from one recipe to another. Their intervals hold simultaneously."""
     columns = [_average_by_ground(cells, _compute_difference(number, of, against)) for number in numbers.values()]
     family = compare_in_typical_scene(np.stack(columns, axis=1), _SEED)
     return {
@@ -141,7 +143,9 @@ def _round_or_none(value: float) -> float | None:
 
 
 def _compare_orders(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
-    """Kendall's tau of the methods' order by two recipes: mean over views, and the share of views with one order."""
+    """Compute Kendall's tau between the methods' orders by two recipes: its mean over views, and the share of views in
+    which both orders are the same.
+    """
     taus = {
         cell.view.name: compute_kendall_tau_b(
             *([cell.error(recipe, method) for method in methods] for recipe in (of, against))
@@ -165,7 +169,7 @@ def _compare_orders(cells: Sequence[Cell], of: str, against: str, methods: Seque
 
 
 def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The verdict on a hypothesis by the interval of its change."""
+    """Judge a hypothesis by the interval of its change."""
     change = next(
         each["changes"][hypothesis.what]
         for each in comparisons
@@ -194,9 +198,9 @@ def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, An
 
 
 def _compare_noise_orders(cells: Sequence[Cell]) -> dict[str, Any]:
-    """Kendall's tau between the share that noise hides by the verdict and two measures from a converged render: the
-    truly hidden share, and the distance of the light. Returns tau over the recipes of each view, the mean over views,
-    and tau over all pairs together.
+    """Compute Kendall's tau between the share that noise hides by the verdict and two measures from a converged render:
+    the truly hidden share, and the distance of the light. Return tau over the recipes of each view, the mean over
+    views, and tau over all pairs together.
     """
     return {key: _order_by_key(cells, key) for key in ("truly_hidden", "distance")}
 
@@ -224,7 +228,7 @@ def _compute_kendall_tau(rows: Sequence[tuple[float, float]]) -> float | None:
 
 
 def _describe_view(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:
-    """The numbers of a view, for the tables."""
+    """Return the numbers of a view, for the tables."""
     tally = cell.tallies[CONVERGED][methods[0]]
     return {
         "view": cell.view.name,

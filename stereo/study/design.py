@@ -1,10 +1,10 @@
 """The design of a study: a TOML file, and the pairs that it determines.
 
 ``[study]`` has a title, the question, presets to ``include``, the ``methods``, two recipes that are the halves of the
-converged render (``reference``), the ``reference_noise`` over the mean light up to which a view counts, and the recipes
-whose ``noise`` is judged. ``[settings]`` hold for all views. Each
-``[[ground]]`` is seen under its Suns, one of each round; each ``[[recipe]]`` renders every view. ``[[comparison]]`` and
-``[[hypothesis]]`` name two recipes, or a recipe and ``converged``.
+converged render (``reference``), and the recipes whose ``noise`` is judged. A view counts if its noise over the mean
+light is at most ``reference_noise``. ``[settings]`` hold for all views. Each ``[[ground]]`` is seen under its Suns, one
+in each round; each ``[[recipe]]`` renders every view. ``[[comparison]]`` and ``[[hypothesis]]`` name two recipes, or a
+recipe and ``converged``.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _STUDY_SHAPE = {
 
 @dataclass(frozen=True)
 class StudyView:
-    """A ground under a Sun: its name, the round in which it is rendered, complete settings without a recipe."""
+    """A ground under a Sun: its name, the round in which it is rendered, and its complete settings without a recipe."""
 
     name: str
     ground: str
@@ -80,8 +80,8 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """The expected typical change of ``what``, an error such as ``bm`` or a gap such as ``jplv - bm``: from ``low`` to
-    ``high``, in points.
+    """The expected typical change, from ``low`` to ``high`` points, of ``what``: an error such as ``bm``, or a gap such
+    as ``jplv - bm``.
     """
 
     says: str
@@ -113,17 +113,19 @@ class Study:
         return {recipe.name: expand_headings(merged(view.settings, recipe.changes))[0] for recipe in self.recipes}
 
     def rounds(self) -> list[list[StudyView]]:
-        """The views of each round."""
+        """List the views of each round."""
         return [[view for view in self.views if view.round == k] for k in sorted({view.round for view in self.views})]
 
 
 def list_study_names() -> list[str]:
-    """The names of the shipped studies."""
+    """List the names of the shipped studies."""
     return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
 
 def find_study(name: str) -> Path:
-    """The file of a shipped study by its name, or a file of the user's whose name ends in .toml."""
+    """Find the file of a shipped study by its name, or the user's file if the name ends in .toml. Raises IcyMoonError
+    for an unknown name.
+    """
     if name.endswith(".toml"):
         return Path(name)
     if name not in list_study_names():
@@ -174,7 +176,7 @@ def read_study(path: Path) -> Study:
 def _read_grounds(
     tables: Sequence[Mapping[str, Any]], head: Mapping[str, Any], path: Path
 ) -> list[tuple[str, Settings, list[float], float]]:
-    """The name, the settings, the Suns and the scale of each ground."""
+    """Read the name, the settings, the Suns and the scale of each ground."""
     return [
         (
             table.get("name") or table["preset"].split("/")[-1],

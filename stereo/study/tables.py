@@ -20,12 +20,12 @@ from ..report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, set_logarithmic
 from .design import CONVERGED, Study
 from .view_measurements import LIGHTS
 
-#: Lines of a page between which the tables of a study are.
+#: Lines that enclose the tables of a study on a page.
 BEGIN, END = "<!-- study: begin -->", "<!-- study: end -->"
 _NO_NUMBER = "–"
 #: Most characters of a line of text.
 _LINE_WIDTH = 120
-#: Columns from a converged render on the noise of another render, see ``cells.Cell``.
+#: Columns on the noise of a render, measured against a converged render, see ``view_measurements.Cell``.
 _TOLD_OF_NOISE = {
     "truly_hidden": "pixels whose texture is weaker than what differs from the converged render around them",
     "distance": "root mean square difference of the light over its mean",
@@ -56,7 +56,7 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
         for name, draw in (("changes", draw_changes), ("noise", _draw_noise)):
             figure = draw(found)
             for kind in ("svg", "png"):
-                dated = {"Date": None} if kind == "svg" else None  # an SVG has the time of its making otherwise
+                dated = {"Date": None} if kind == "svg" else None  # without it an SVG states its time of creation
                 write_atomically(
                     out / f"{name}.{kind}",
                     partial(figure.savefig, format=kind, dpi=160, facecolor="white", metadata=dated),
@@ -65,7 +65,7 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
 
 
 def replace_between_marks(page: Path, text: str) -> str:
-    """The content of a page with a text between its marks. Raises IcyMoonError if it has none."""
+    """Return the content of a page with a text between its marks. Raises IcyMoonError if it has no marks."""
     before = read_text(page)
     if BEGIN not in before or END not in before:
         raise IcyMoonError(f"{page} has no lines {BEGIN} and {END}; add them where the tables are to stand.")
@@ -95,7 +95,7 @@ def _make_header(study: Study, found: Mapping[str, Any]) -> list[str]:
 
 
 def _make_change_tables(found: Mapping[str, Any]) -> list[str]:
-    """Changes of errors and gaps, then those in light and in shadow."""
+    """Make the tables of the changes of errors and gaps, then of the changes in light and in shadow."""
     methods = found["methods"]
     gaps = [name for name in found["comparisons"][0]["changes"] if name not in methods]
     lines = [
@@ -192,7 +192,7 @@ def _make_order_table(found: Mapping[str, Any]) -> list[str]:
 
 
 def _make_view_table(study: Study, found: Mapping[str, Any]) -> list[str]:
-    """A table of the views: errors on the converged render, its noise, and tau of the noise verdict."""
+    """Make a table of the views: errors on the converged render, its noise, and tau of the noise verdict."""
     methods = found["methods"]
     lines = [
         "### Views",
@@ -259,7 +259,7 @@ def _make_csv(found: Mapping[str, Any]) -> str:
 
 
 def draw_changes(found: Mapping[str, Any]) -> Figure:
-    """The typical change of every method's error by each comparison, with its interval."""
+    """Draw the typical change of every method's error by each comparison, with its interval."""
     methods, comparisons = found["methods"], found["comparisons"]
     figure = Figure(figsize=(7.2, 1.0 + 0.42 * len(comparisons)))
     axis = figure.subplots()
@@ -293,7 +293,7 @@ def draw_changes(found: Mapping[str, Any]) -> Figure:
 
 
 def _draw_noise(found: Mapping[str, Any]) -> Figure:
-    """The share of pixels that noise hides by the verdict over that by the converged render, by recipe."""
+    """Draw the share of pixels that noise hides by the verdict against the share by the converged render, by recipe."""
     figure = Figure(figsize=(7.2, 3.6))
     axis = figure.subplots()
     for k, recipe in enumerate(dict.fromkeys(name for cell in found["cells"] for name in cell["noise"])):

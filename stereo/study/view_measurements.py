@@ -1,8 +1,8 @@
 """The measured numbers of a view: the errors of each matcher on each recipe, in light and in shadow, and the noise.
 
 All recipes of a view show the same ground. All are compared with the truth and the shadows of its converged render, the
-mean of two halves. Each recipe has its own exposure, as in use. The numbers of a view are kept beside its pairs, and
-are measured again only if these or the methods change.
+mean of two halves. Each recipe has its own exposure, as in practice. The numbers of a view are kept beside its pairs,
+and are measured again only if the pairs or the methods change.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .design import CONVERGED, Study, StudyView
 
 #: Version of the measured numbers; files of another version are measured again.
 VERSION = 2
-#: Classes of pixels, and the place of each in a tally.
+#: Classes of pixels, in the order of a tally.
 LIGHTS = ("lit", "shadow")
 _TALLY_SHAPE = Each(Each(Each(COUNT)), keys=TEXT)
 _CELL_SHAPE = {
@@ -58,12 +58,15 @@ _CELL_SHAPE = {
 class Cell:
     """The numbers of a view.
 
-    ``tallies``: by recipe, ``converged`` among them, and method, int (2, 2): of the LIGHTS the pixels that both eyes
-    see, and how many of these are missing or wrong by more than 1 px. ``noise``: by recipe the verdict, the share of
-    pixels that it takes for ``hidden`` and the share that the difference from the converged render hides
-    (``truly_hidden``), the root mean square ``distance`` of the light from that render over its mean, without the noise
-    of the converged render, and the ``bias`` of the mean. ``reference_noise``: the standard deviation of the converged
-    render over its mean.
+    ``tallies``: by recipe, ``converged`` among them, and by method, int (2, 2). For each of LIGHTS, it has the number
+    of pixels that both eyes see, and the number of these that are missing or wrong by more than 1 px.
+
+    ``noise``: by recipe. It has the verdict, the share of pixels that the verdict takes for ``hidden``, and the share
+    that the difference from the converged render hides (``truly_hidden``). ``distance`` is the root mean square
+    difference of the light from that render over its mean, without the noise of the converged render, and ``bias`` the
+    relative difference of the means.
+
+    ``reference_noise``: the standard deviation of the converged render over its mean.
     """
 
     view: StudyView
@@ -74,7 +77,9 @@ class Cell:
     cpu_s: Mapping[str, Mapping[str, float]]
 
     def error(self, recipe: str, method: str, light: str | None = None) -> float:
-        """The share of pixels that are missing or wrong, of all or in a light; NaN where there are too few."""
+        """Return the share of pixels that are missing or wrong, among all pixels or in one of LIGHTS; NaN if there are
+        too few.
+        """
         tally = self.tallies.get(recipe, {}).get(method)
         if tally is None:
             return float("nan")
@@ -87,7 +92,7 @@ _MIN_SHARE = 0.05
 
 
 def read_or_measure_cell(study: Study, view: StudyView, out: Path, methods: Sequence[Method]) -> Cell | None:
-    """The numbers of a view, read or measured; None until both halves of its converged render are whole."""
+    """Read or measure the numbers of a view; None until both halves of its converged render are complete."""
     planned = study.pairs_of(view)
     folders = {name: pair.folder(out) for name, pair in planned.items() if is_complete(pair.folder(out))}
     if not set(study.reference) <= set(folders):
@@ -141,14 +146,18 @@ def _measure_view(study: Study, folders: Mapping[str, Path], methods: Sequence[M
 
 
 def _tally_errors(disparity: Array, true: Array, shadow: Array) -> list[list[int]]:
-    """The tallies of ``Cell.tallies``. All arrays are (H, W); ``true`` is NaN where only one eye sees the point."""
+    """Tally the errors as in ``Cell.tallies``. All arrays are (H, W); ``true`` is NaN where only one eye sees the
+    point.
+    """
     known = np.isfinite(true)
     wrong = known & ~(is_usable(disparity) & (np.abs(disparity - true) <= 1))
     return [[int((known & part).sum()), int((wrong & part).sum())] for part in (~shadow, shadow)]
 
 
 def _judge_noise(loaded: LoadedPair, converged: Array, spread: float) -> dict[str, Any]:
-    """The verdict on a pair's noise, and its distance from the converged radiance (H, W) with a variance ``spread``."""
+    """Judge a pair's noise, and measure its distance from the converged radiance (H, W), whose variance is
+    ``spread``.
+    """
     own = average_bands(loaded.light["left"].radiance)
     left, best = compute_noise_free_level(loaded, "left"), compute_noise_free_level(loaded, "left", converged - own)
     noise = judge_render_noise(
@@ -170,5 +179,5 @@ def _judge_noise(loaded: LoadedPair, converged: Array, spread: float) -> dict[st
 
 
 def _measure_cost(loaded: LoadedPair) -> dict[str, float]:
-    """Processor seconds of a pair and of the bake that it was rendered with."""
+    """Return the processor seconds of a pair and of the bake of its light."""
     return {"pair": float(loaded.pair.data["cpu_seconds"]["pair"]), "bake": read_bake_seconds(loaded.pair)}

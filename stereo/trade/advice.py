@@ -1,4 +1,4 @@
-"""The advice of a trade in words: the variant to use, the saving of each group, and the uncertainty by noise."""
+"""The advice of a trade in words: the variant to use, the saving by each group, and the uncertainty from noise."""
 
 from __future__ import annotations
 
@@ -20,30 +20,33 @@ _MORE_WRONG_SHARES = (0.0, 0.005, 0.01, 0.02)
 _UNCHANGED_LIGHT_SHARE, _MAX_LIGHT_CHANGE_SHARE = 0.002, 0.01
 #: Share of the pixels that a matcher may lose without a note.
 _UNREPORTED_LOSS_SHARE = 0.01
-#: Share of the time that a cheaper variant must save, since processor seconds vary by some per cent.
+#: Share of the time that a cheaper variant must save, because processor seconds vary by some per cent.
 _MIN_SAVED_SHARE = 0.05
 
 Row = Mapping[str, Any]
 
 
 def make_variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
-    """Sentences on the cheapest variant within each tolerance for each matcher, and on the savings of each group."""
+    """Write sentences on the cheapest variant within each tolerance for each matcher, and on the savings by
+    each group.
+    """
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _find_time_margin(rows)
     return [
         line for name, each in _list_subjects(methods) for line in _make_matcher_advice(name, each, rows, scene, margin)
-    ] + _group_advice(rows, scene, methods, margin)
+    ] + _make_group_advice(rows, scene, methods, margin)
 
 
 def _list_subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
-    """The subjects of advice, and their methods: all matchers if there are several, then each."""
+    """List the subjects of advice with their methods: all matchers if there are several, then each matcher."""
     several = [("all matchers", methods)] if len(methods) > 1 else []
     return [*several, *((describe_method(method), [method]) for method in methods)]
 
 
 def make_decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
-    """The cheapest variant that leads to the same decisions as the reference, for all matchers and for each, in words;
-    or the reason why no variant is named."""
+    """Write a line, for all matchers and for each, on the cheapest variant that leads to the same decisions as the
+    reference, or the reason why no variant is named.
+    """
     alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
@@ -76,8 +79,10 @@ def _make_decision_line(
 
 
 def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
-    """For each matcher that is joined with range points: the cheapest variants on which both together are nearly as
-    good as the matcher alone on an image without noise, a line for each tolerance. Empty unless both are methods."""
+    """Write lines for each matcher that is joined with range points: the cheapest variants on which both together are
+    nearly as good as the matcher alone on an image without noise, one for each tolerance. [] unless the joined and the
+    plain matcher are both among ``methods``.
+    """
     shown = [row for row in rows if _shows_this_scene(row)]
     scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
     return [
@@ -88,8 +93,9 @@ def make_fusion_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]
 
 
 def _make_fusion_lines(fused: str, plain: str, rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
-    """The lines of one method, judged by the pixels that are missing or wrong by more than 1 px: a matcher alone leaves
-    pixels out, so means over measured pixels would compare different pixels."""
+    """Write the lines of one method, judged by the pixels that are missing or wrong by more than 1 px. A matcher alone
+    leaves pixels out, so means over measured pixels would compare different pixels.
+    """
     start = f"{describe_method(fused)} in place of {describe_method(plain)}"
     lines: list[str] = []
     hidden, before = [], None
@@ -119,7 +125,7 @@ def _make_fusion_lines(fused: str, plain: str, rows: Sequence[Row], scene: Row, 
 
 
 def _format_wrong(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
-    """The change of the share of wrong or missing pixels, such as '-3.1 ± 0.4 %'."""
+    """Format the change of the share of wrong or missing pixels, such as '-3.1 ± 0.4 %'."""
     value, spread = loss["wrong_or_missing"], doubt["wrong_or_missing"]
     if value is None:
         return "an unknown share"
@@ -127,10 +133,11 @@ def _format_wrong(loss: Mapping[str, float | None], doubt: Mapping[str, float | 
 
 
 def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
-    """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
+    """Find, for the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest
+    first.
 
-    Without variants of another shape, whose errors are relative to another image; for matchers also without variants
-    with other light.
+    Variants of another shape are left out, because their errors are relative to another image. For matchers, variants
+    with other light are left out too.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows_this_scene(row)]
@@ -141,7 +148,9 @@ def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str,
 
 
 def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
-    """The variants of a front that are certainly better than those before; the others differ by noise."""
+    """Find the variants of a front that are certainly better than the variants before them; the others differ only by
+    noise.
+    """
     kept: list[Row] = []
     for row in found:
         if not kept or _find_front_error(kept[-1], label)[0] - _find_front_error(row, label)[0] > math.hypot(
@@ -152,14 +161,16 @@ def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
 
 
 def _find_front_error(row: Row, label: str) -> tuple[float, float]:
-    """The error of a variant on a front, and its uncertainty from noise; a tenth for the radiance."""
+    """Find the error of a variant on a front, and its uncertainty from noise, which is a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
 
 
 def _find_time_margin(rows: Sequence[Row]) -> float:
-    """Share of the time by which two variants must differ: twice the standard deviation of a difference of repeats."""
+    """Find the share of the time by which two variants must differ: twice the standard deviation of the difference
+    between repeats.
+    """
     spreads = [
         math.log(row["cpu_range"][1] / row["cpu_range"][0]) ** 2 / 2
         for row in rows
@@ -170,15 +181,15 @@ def _find_time_margin(rows: Sequence[Row]) -> float:
 
 
 def _format_perhaps(row: Row, methods: Sequence[str]) -> str:
-    """The end of a line for a cheaper variant that is possibly within the tolerance."""
+    """Write the end of a line for a cheaper variant that is possibly within the tolerance."""
     return f"; perhaps “{row['name']}”, {row['cpu_s']:.1f} s, {_format_worst_loss(row, methods)}"
 
 
 def _make_matcher_advice(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float
 ) -> list[str]:
-    """A line for each tolerance: the cheapest variant that is certainly within it for all ``methods``, and a cheaper
-    one that is possibly within it.
+    """Write a line for each tolerance: the cheapest variant that is certainly within it for all ``methods``, and a
+    cheaper variant that is possibly within it.
     """
     lines: list[str] = []
     hidden, before = [], None
@@ -219,26 +230,27 @@ def _make_matcher_advice(
 
 
 def _format_worst_loss(row: Row, methods: Sequence[str]) -> str:
-    """The loss of the matcher that loses most, with its name if there are several."""
+    """Format the loss of the matcher that loses most, with its name if there are several."""
     worst = max(methods, key=lambda method: find_number(row, "loss", method, "epe_px") or 0.0)
     loss = format_loss(row, worst)
     return f"at most {loss}, of {describe_method(worst)}" if len(methods) > 1 else loss
 
 
 def _find_cheapest(rows: Sequence[Row], margin: float) -> Row | None:
-    """The cheapest row. Among rows with the same time, within the ``margin``, the first: the scene as described comes
-    first, then the least changed variants."""
+    """Find the cheapest row. Among rows with the same time, within the ``margin``, it is the first: the scene as
+    described comes first, then the least changed variants.
+    """
     least = min(rows, key=lambda row: row["cpu_s"], default=None)
     return least and next(row for row in rows if not _is_cheaper(least, row, margin))
 
 
 def _shows_this_scene(row: Row) -> bool:
-    """Whether a variant keeps the shape and the light of this scene."""
+    """Return whether a variant keeps the shape and the light of this scene."""
     return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _MAX_LIGHT_CHANGE_SHARE
 
 
 def format_loss(row: Row, method: str) -> str:
-    """The loss of a matcher, such as '+0.031 ± 0.012 px', and of measured pixels if that is more than noise."""
+    """Format the loss of a matcher, such as '+0.031 ± 0.012 px', and of measured pixels if that is more than noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
     return (
         f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
@@ -247,8 +259,9 @@ def format_loss(row: Row, method: str) -> str:
 
 
 def format_coverage(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
-    """Words for the pixels that a matcher no longer measures, which its mean error excludes; empty if they are few or
-    noise."""
+    """Describe the pixels that a matcher no longer measures, and that its mean error therefore excludes; "" if they are
+    few or noise.
+    """
     missing = loss["coverage"]
     if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNREPORTED_LOSS_SHARE:
         return ""
@@ -261,8 +274,10 @@ def _format_ratio(scene: Row, best: Row, margin: float) -> str:
     return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _is_cheaper(scene, best, margin) else ""
 
 
-def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
-    """A line for each group except the samples: the cheapest variant that is as good as the scene, if it saves time."""
+def _make_group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
+    """Write a line for each group except the samples: the cheapest variant that is as good as the scene, if it saves
+    time.
+    """
     lines = []
     for group in dict.fromkeys(row["group"] for row in rows if row["group"] not in ("scene", "samples")):
         own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
@@ -298,7 +313,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
 
 
 def _is_worse(row: Row, scene: Row, method: str) -> bool:
-    """Whether a matcher certainly has larger errors, or measures less, than on the scene as described."""
+    """Return whether a matcher certainly has larger errors, or measures less, than on the scene as described."""
     if row is scene:
         return False
     for key in ("epe_px", "wrong_or_missing"):
@@ -310,12 +325,14 @@ def _is_worse(row: Row, scene: Row, method: str) -> bool:
 
 
 def _is_cheaper(row: Row, other: Row, margin: float) -> bool:
-    """Whether a variant certainly takes less time than another."""
+    """Return whether a variant certainly takes less time than another."""
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
 
 def _format_light(row: Row, scene: Row | None) -> str:
-    """Change of the mean radiance by a variant, against the reference or, if given, the scene as described."""
+    """Format the change of the mean radiance by a variant, against the scene as described if it is given, else the
+    reference.
+    """
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"

@@ -1,4 +1,4 @@
-"""Finding the cheapest quality of a scene whose stereo error is within a tolerance, by trying candidates.
+"""Find the cheapest quality of a scene whose stereo error is within a tolerance, by trying candidates.
 
 Runs in the evaluator's Python, as ``measure_variants`` does.
 """
@@ -25,27 +25,29 @@ if TYPE_CHECKING:
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
 _MAX_RENDERS = 4
-#: Largest change of the mean radiance when a part is left out, and least share of the time that this must save.
+#: Limits for leaving out a part of the light: the largest change of the mean radiance, and the least saved share of the
+#: time.
 _MAX_LIGHT_CHANGE_SHARE, _MIN_SAVED_SHARE = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
 
 
 def _is_leaner(found: Mapping[str, Any], cost_s: float) -> bool:
-    """Whether a candidate without a part of the light saves time and keeps the radiance."""
+    """Return whether a candidate without a part of the light saves time and keeps the radiance."""
     saves = found["cpu_s"] < (1 - _MIN_SAVED_SHARE) * cost_s
     return bool(saves and abs(found["bias"]) <= _MAX_LIGHT_CHANGE_SHARE)
 
 
 def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, Any]:
     """Find the cheapest quality whose stereo error is within ``tolerance`` of the error of an image without noise, for
-    every matcher, in 19 of 20 cases. Write it to ``auto.toml`` in ``bench.out``, with everything that was tried.
+    every matcher, in 19 of 20 cases. Write it to ``auto.toml`` in ``bench.out``, with all that was tried.
 
-    Tries the candidates from the cheapest on, and stops at the first within ``tolerance``. Then it leaves out parts of
-    the light, one by one, if the error stays within, the mean radiance changes by at most 1 %, and the time is less.
-    Returns ``chosen`` (its name, or None), ``settings`` (to use), ``said`` (the result in words, a line each), ``file``
+    Candidates are tried from the cheapest on, until one is within ``tolerance``. Then parts of the light are left out,
+    one by one, if the error stays within, the mean radiance changes by at most 1 %, and the time is less.
+
+    Return ``chosen`` (its name, or None), ``settings`` (to use), ``said`` (the result in words, a line each), ``file``
     and ``tried``: for each candidate its name, seconds, renders, losses with their doubts, ``bias``, and whether it is
-    ``within`` (None: noise leaves that open). Raises IcyMoonError if a render fails.
+    ``within`` (None if noise leaves this open). Raises IcyMoonError if a render fails.
     """
     packages.require_modules(*packages.PACKAGES)
     from ..matchers.methods import describe_method, parse_methods
@@ -58,7 +60,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
-        remove(file)  # of an earlier search
+        remove(file)  # the result of an earlier search
     exact = read_reference(render_all(best, bench, counter), methods, {})
     search = _QualitySearch(bench, exact, methods, tolerance, counter)
     chosen = next((variant for variant in ladder if search.try_variant(variant)), None)
@@ -98,8 +100,9 @@ class _QualitySearch:
     tried: list[dict[str, Any]] = field(default_factory=list)
 
     def try_variant(self, variant: Variant) -> bool:
-        """Render and measure a variant: whether it is certainly within the tolerance. Render again while that may
-        show."""
+        """Render and measure a variant; return whether it is certainly within the tolerance. It is rendered again while
+        more renders may show this.
+        """
         from .quality_losses import measure_variant
 
         folders: list[Path] = []
@@ -122,7 +125,9 @@ class _QualitySearch:
         return verdict is True
 
     def _judge_losses(self, found: dict[str, Any], share: float) -> bool | None:
-        """Whether all matchers would be within the tolerance with uncertainties reduced to this share."""
+        """Return whether all matchers would be within the tolerance if their uncertainties fell to this ``share``; None
+        if this is open.
+        """
         return combine_verdicts(
             self.tolerance.allows(
                 loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][label].items()}
@@ -131,7 +136,7 @@ class _QualitySearch:
         )
 
     def make_tried_lines(self) -> list[str]:
-        """The tried candidates, in words, a line each."""
+        """Describe the tried candidates in words, a line each."""
         words = {True: "within", False: "", None: "hidden by noise"}
         return [
             f"{step['name']}: {step['cpu_s']:.1f} CPU s; "
@@ -156,7 +161,7 @@ class _QualitySearch:
         return f"{name} {' and '.join(parts)}{fewer}" if parts else f"{name} measures nothing"
 
     def make_failure_advice(self) -> str:
-        """The reason why nothing was chosen, and the fix."""
+        """Describe why nothing was chosen, and the fix."""
         if all(step["within"] is False for step in self.tried):
             return f"No quality that was tried is within {self.tolerance}; allow more."
         own = max(

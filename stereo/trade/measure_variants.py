@@ -1,4 +1,4 @@
-"""Rendering the variants of a scene and measuring them, for a trade of speed against accuracy.
+"""Render the variants of a scene and measure them, for a trade of speed against accuracy.
 
 Runs in the evaluator's Python. Every render is a separate process with Blender, so that its seconds and memory belong
 to one render. Existing renders are not repeated.
@@ -34,22 +34,23 @@ Event = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class TradeBench:
-    """The place and the tools for the renders and measurements of variants."""
+    """The inputs, the folder and the Blender for the renders and measurements of variants."""
 
     settings: Settings  # complete
     out: Path
     blender: str  # a Blender, or a Python with bpy
-    methods: str  # of the matchers, separated by commas
-    samples: int  # of the reference
+    methods: str  # the methods, separated by commas
+    samples: int  # per pixel of the reference
     repeats: int  # renders per variant; from two on, noise can be separated from other errors
     on_event: Event = lambda event: None
     own: tuple[str, ...] = ()  # the user's own matchers, see ``methods.parse_own_matchers``
-    images: int = 1  # of the ground under this Sun, which share the cost of baking its light
+    images: int = 1  # number of images of the ground under this Sun, which share the cost of baking its light
 
 
 def scale_view(settings: Settings, factor: float) -> Settings:
-    """The settings for the same view with ``factor`` times as many pixels along each side. Raises IcyMoonError unless
-    this is 0.01 to 1."""
+    """Scale the settings of a view to ``factor`` times the pixels along each side. Raises IcyMoonError unless this is
+    0.01 to 1.
+    """
     if not 0.01 <= factor <= 1.0:
         raise IcyMoonError(f"An image cannot be scaled by {factor:g} here; give 0.01 to 1.")
     rig = settings.rig
@@ -71,7 +72,8 @@ def _make_reference_entry(best: Variant, truth: Reference, settings: Settings) -
 
 
 def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
-    """Render and measure all variants in ``groups``, and write the report to ``bench.out``; see ``write_trade``.
+    """Render and measure all variants in ``groups``, and write the report to ``bench.out``; return it, see
+    ``write_trade``.
 
     Raises IcyMoonError with the error of Blender's process if a render fails.
     """
@@ -114,7 +116,7 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def check_abilities(bench: TradeBench, settings: Settings) -> Abilities:
-    """Find out the abilities of the bench's Blender, and warn about variants that are left out.
+    """Query the abilities of the bench's Blender, and warn about variants that are left out.
 
     Raises IcyMoonError if it cannot render these settings.
     """
@@ -155,7 +157,7 @@ def render_all(variant: Variant, bench: TradeBench, counter: RenderCounter) -> l
 
 
 def render_once(variant: Variant, repeat: int, bench: TradeBench, counter: RenderCounter) -> list[Path]:
-    """Render a variant once, in a separate process, unless this is already done; return the pair folder.
+    """Render a variant once, in a separate process, unless it is already rendered; return the pair folders.
 
     Raises IcyMoonError with the name of the variant and the error of Blender's process.
     """

@@ -1,11 +1,11 @@
-"""The changes by a cheaper way of computing a scene: in its images, its truth, and the errors of matchers.
+"""The changes from a cheaper rendering of a scene: in its images, its truth, and the errors of matchers.
 
-Everything is relative to a reference of the same scene: its radiance, its depth, its exposure. Matchers are measured
+All numbers are relative to a reference of the same scene: its radiance, its depth, its exposure. Matchers are measured
 against the depth of the reference, so errors of the mesh count as well as noise.
 
 The reference has noise too, which adds to the errors of matchers. A small error from noise is proportional to its
 variance, and so to 1 / (number of light paths). If a single render errs by d more than the mean of n renders, noise
-adds d / (n - 1) to the error of this mean. That is subtracted, so a loss is relative to an image without noise.
+adds d / (n - 1) to the error of this mean. This error is subtracted, so a loss is relative to an image without noise.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from ..measure.metrics import is_usable
 from ..measure.prepare_pair import LoadedPair, load_pair, none_if_not_finite
 from .same_decisions import DecisionReference, MatchedRender, open_decision_reference
 
-#: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
+#: The numbers of a matcher, over pixels that both eyes see: the share that is measured; over measured pixels the mean
 #: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.
 STEREO_KEYS = ("coverage", "epe_px", "bad_1", "wrong_or_missing")
 #: The sign of a change for the worse.
@@ -54,23 +54,23 @@ class Reference:
     light: dict[str, Light]
     depth: Array  # float64 (H, W) of the left eye, m, NaN for sky
     visible: Array  # bool (H, W)
-    noise: float  # standard deviation over mean radiance, of the mean of the renders
-    cpu_s: float | None  # of all renders
+    noise: float  # standard deviation of the mean of the renders, over its mean radiance
+    cpu_s: float | None  # processor seconds of all renders
     tallies: dict[str, Array]  # per matcher, (1 + renders, tiles, 4) of ``tally_errors``: of the mean, of each render
     # The decisions of matchers on the mean of the renders, or the reason why there are none.
     deciding: DecisionReference | str
-    own_decisions: dict[str, dict[str, Any]]  # how the decisions on each render differ from these
+    own_decisions: dict[str, dict[str, Any]]  # differences of the decisions on each render from these
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
-        """The STEREO numbers of each matcher on the images of the reference."""
+        """The STEREO_KEYS numbers of each matcher on the images of the reference."""
         return {
             label: _name_numbers(compute_stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()
         }
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
-        """The increase of these numbers by the noise of the reference."""
+        """The increase of the ``stereo`` numbers by the noise of the reference."""
         return {label: _name_numbers(_compute_loss_by_noise(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
@@ -80,7 +80,8 @@ def read_reference(
     response: Mapping[str, Mapping[str, Any]],
     rules: Rules | None = None,
 ) -> Reference:
-    """Read the reference from its renders, which differ only by their noise. With ``rules`` decisions are compared.
+    """Read the reference from its renders, which differ only by their noise. With ``rules``, decisions are compared
+    too.
 
     Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
@@ -113,7 +114,7 @@ def read_reference(
 
 
 def average_light(renders: Sequence[LoadedPair]) -> dict[str, Light]:
-    """The mean of renders of the same view, by eye, without its light groups."""
+    """Average renders of the same view, by eye, without their light groups."""
     return {
         eye: replace(
             renders[0].light[eye],
@@ -129,25 +130,25 @@ def average_light(renders: Sequence[LoadedPair]) -> dict[str, Light]:
 def measure_variant(
     folders: Sequence[Path], reference: Reference, methods: Sequence[Method], images: int = 1
 ) -> dict[str, Any]:
-    """Measure one variant, from its renders, against the reference. ``images`` share what is baked.
+    """Measure one variant, from its renders, against the reference. ``images`` images share the bake of their light.
 
-    * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
-      includes the start of Blender, if a process renders one pair, and a share of the seconds of baking its light.
+    * ``cpu_s``, ``wall_s``: seconds of a pair, mean of the renders, including building the scene and writing. ``cpu_s``
+      also includes the start of Blender, if a process renders one pair, and a share of the seconds of baking its light.
       ``memory_mib``: the peak memory of a process. ``megabytes``: the size of a pair's files.
     * ``bias``: mean radiance divided by the reference's mean radiance, minus 1. ``rmse``: root mean square difference
-      of a pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the
-      random part of it, the standard deviation between renders divided by the mean; None for a single render.
+      of a pixel from the reference, divided by the reference's mean, without the noise of the reference. ``noise``: the
+      random part of ``rmse``, the standard deviation between renders divided by the mean; None for a single render.
       ``structure``: the other part.
     * ``depth_px``: 95th percentile of the difference of the true depths, as disparity; ``depth_m``: its median in m.
-    * ``stereo``: per matcher the STEREO numbers, mean of the renders; ``loss``: how much worse they are than on an
-      image without noise, see the module.
-    * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
-      of the image (``jackknife``) and, for a loss, the uncertainty of the amount that is subtracted for the reference's
-      noise.
-    * ``fused``: per method that joins a matcher with range points, if the matcher alone is among ``methods`` too: how
-      much worse it is than the matcher alone (``plain``) on an image without noise (``loss``), and ``doubt``.
-    * ``decisions``: per matcher how its decisions differ from those on the reference, see
-      ``decisions.DecisionReference``; empty where they are not compared.
+    * ``stereo``: per matcher the STEREO_KEYS numbers, mean of the renders. ``loss``: their increase for the worse over
+      an image without noise, see the module.
+    * ``bias_doubt``, ``loss_doubt``: uncertainty of ``bias`` and ``loss`` from noise, in 19 of 20 cases: two standard
+      errors over tiles of the image (``jackknife``) and, for a loss, the uncertainty of the amount that is subtracted
+      for the reference's noise.
+    * ``fused``: per method that joins a matcher with range points, if the matcher alone (``plain``) is among
+      ``methods`` too: its ``loss`` over the matcher alone on an image without noise, and the ``doubt`` of this loss.
+    * ``decisions``: per matcher the differences of its decisions from those on the reference, see
+      ``same_decisions.DecisionReference``; empty where they are not compared.
     * ``cpu_range``: the smallest and the largest ``cpu_s``.
 
     All are fractions unless a unit is named. Raises IcyMoonError if a render cannot be read or shows another view.
@@ -198,7 +199,7 @@ def _measure_cost(renders: Sequence[LoadedPair], images: int = 1) -> dict[str, A
 
 
 def read_bake_seconds(pair: Pair) -> float:
-    """Processor seconds of baking the light that a pair was rendered with."""
+    """Read the processor seconds of baking the light of a pair."""
     lights = pair.data.get("indirect", {}).get("lights", {})
     return sum(float(light["cpu_seconds_of_bake"]) for light in lights.values())
 
@@ -220,7 +221,9 @@ def _compare_radiance(renders: Sequence[LoadedPair], reference: Reference) -> di
 
 
 def _measure_noise(renders: Sequence[LoadedPair]) -> float:
-    """Standard deviation of the radiance of a pixel between renders, root mean square over the left image."""
+    """Measure the standard deviation of the radiance of a pixel between renders, root mean square over the left image;
+    0 for a single render.
+    """
     if len(renders) < 2:
         return 0.0
     return (
@@ -245,7 +248,7 @@ def _compare_depth(render: LoadedPair, reference: Reference) -> dict[str, float 
 def _match_images(
     reference: Reference, lights: Sequence[Mapping[str, Light]], methods: Sequence[Method]
 ) -> list[MatchedRender]:
-    """The disparities of matchers on images with the exposure of the reference."""
+    """Run matchers on images with the exposure of the reference; return the disparities of each image."""
     images = [
         develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers() for light in lights
     ]
@@ -269,8 +272,9 @@ def _match_images(
 def _tally_matches(
     reference: Reference, matched: Sequence[MatchedRender], methods: Sequence[Method]
 ) -> dict[str, Array]:
-    """Per matcher, sums (images, tiles, 4), see ``tally_errors``, against the depth of the reference where both eyes
-    see."""
+    """Tally the errors of each matcher against the depth of the reference where both eyes see: (images, tiles, 4), see
+    ``tally_errors``.
+    """
     true = _find_true_disparity(reference)
     return {
         method.label: np.stack([tally_errors(each.disparities[method.label], true) for each in matched])
@@ -283,8 +287,9 @@ def _find_true_disparity(reference: Reference) -> Array:
 
 
 def tally_errors(disparity: Array, true: Array) -> Array:
-    """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where unknown: the number of
-    true pixels, of measured ones among these, their disparity error in px, and the number wrong by more than 1 px."""
+    """Sum over the tiles of an image, (tiles, 4), from disparities (H, W) in px, NaN where unknown: the number of true
+    pixels, the number of these that are measured, their disparity error in px, and the number wrong by more than 1 px.
+    """
     known = np.isfinite(true)
     measured = known & is_usable(disparity)
     error = np.where(measured, np.abs(disparity - true), 0.0)
@@ -292,14 +297,16 @@ def tally_errors(disparity: Array, true: Array) -> Array:
 
 
 def compute_stereo_numbers(sums: Array) -> Array:
-    """The STEREO numbers (..., 4) from sums (..., 4) of ``tally_errors``; NaN where undefined."""
+    """Compute the STEREO_KEYS numbers (..., 4) from sums (..., 4) of ``tally_errors``; NaN where undefined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
 def _compute_loss_by_noise(sums: Array) -> Array:
-    """The increase of the errors of a reference by its own noise, from sums (1 + renders, ..., 4); see the module."""
+    """Compute the increase of a reference's errors by its own noise, from sums (1 + renders, ..., 4); see the
+    module.
+    """
     if len(sums) < 3:
         return np.zeros_like(sums[0])
     whole, *each = compute_stereo_numbers(sums)
@@ -307,7 +314,7 @@ def _compute_loss_by_noise(sums: Array) -> Array:
 
 
 def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Array]:
-    """The increase of the errors of a variant over an image without noise, (4,), and its uncertainty."""
+    """Compute the increase of a variant's errors over an image without noise, (4,), and its uncertainty."""
 
     def loss_of(own: Array, best: Array) -> Array:
         return _WORSE_SIGNS * (
@@ -319,8 +326,9 @@ def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Arra
 
 
 def find_plain_methods(labels: Sequence[str]) -> dict[str, str]:
-    """Find the methods that join a matcher with range points, each with the label of the matcher alone, if listed
-    too."""
+    """Find the methods that join a matcher with range points, each with the label of the matcher alone. Both must be
+    among ``labels``.
+    """
     found = {label: split_lidar(label) for label in labels}
     return {
         label: matcher
@@ -344,7 +352,7 @@ def _average_known(values: Sequence[float | None]) -> float | None:
 
 
 def find_pareto_front(rows: Sequence[Mapping[str, Any]], error: Sequence[str]) -> list[int]:
-    """Indices of the rows that no other beats in both CPU time and error, cheapest first.
+    """Find the indices of the rows that no other beats in both CPU time and error, cheapest first.
 
     ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there are left out.
     """
@@ -358,7 +366,7 @@ def find_pareto_front(rows: Sequence[Mapping[str, Any]], error: Sequence[str]) -
 
 
 def find_number(row: Mapping[str, Any], *path: str) -> float | None:
-    """The number at a path such as "loss", "sgbm", "epe_px"; None without it."""
+    """Find the number at a path such as "loss", "sgbm", "epe_px"; None without it."""
     value: object = row
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None

@@ -1,4 +1,4 @@
-"""Writing the results of a trade: CSV, JSON, and a page with Pareto fronts and advice which variant to use."""
+"""Write the results of a trade: CSV, JSON, and a page with Pareto fronts and advice on the variant to use."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ COLUMNS = (
     Column("structure", "Structure", "%", 2, "other part of the RMSE, the same in every render"),
     Column("depth_px", "Depth", "px", 3, "95 % of the true depths differ from the reference by at most this"),
 )
-#: How the decisions of a matcher differ from those on the reference.
+#: Columns on the differences of a matcher's decisions from its decisions on the reference.
 DECISION_COLUMNS = (
     Column("otherwise", "otherwise", "%", 1, "share of the cells in reach that are decided otherwise"),
     Column("unsafe", "unsafe", "%", 1, "more unsafe cells taken for safe, as a share of all"),
@@ -76,7 +76,9 @@ _DECISION_COLUMNS = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "
 
 
 def _make_tables(rows: Sequence[Mapping[str, Any]], groups: Mapping[str, str]) -> list[tuple[str, str, list[Any]]]:
-    """The groups that have variants, with their description and rows, after the scene that they are compared with."""
+    """Make a table for each group that has variants: its key, its description, and its rows after the scene with which
+    they are compared.
+    """
     found = {group: [row for row in rows if row["group"] == group] for group in ("scene", *groups)}
     scene = found.pop("scene")
     return [(group, groups[group], ([] if group in SHAPES else scene) + own) for group, own in found.items() if own]
@@ -133,12 +135,12 @@ def write_trade(
 
 
 def _list_errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """The errors that are drawn: their names and their paths in a row."""
+    """List the errors that are drawn: their names and their paths in a row."""
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
 
 
 def _format_loss(row: Mapping[str, Any], label: str) -> str:
-    """The error of a variant on a front: the RMSE of the radiance, or the loss of a matcher."""
+    """Format the error of a variant on a front: the RMSE of the radiance, or the loss of a matcher."""
     return f"{100 * row['rmse']:.1f} %" if label == "radiance" else format_loss(row, label)
 
 
@@ -189,19 +191,19 @@ _Rows = Sequence[Mapping[str, Any]]
 
 
 def _draw_chart(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows]) -> str:
-    """The chart of all variants for the page, as SVG."""
+    """Draw the chart of all variants for the page, as SVG."""
     with matplotlib.rc_context(STYLE):
         return render_svg(_make_chart(rows, methods, best), "trade", "Cost against error of every variant")
 
 
 def _write_picture(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows], path: Path) -> None:
-    """Write the same chart as a picture, for programs that show no HTML, such as Blender."""
+    """Write the chart of all variants as a picture, for programs that show no HTML, such as Blender."""
     with matplotlib.rc_context({**STYLE, **ON_WHITE}):
         write_picture(_make_chart(rows, methods, best), path)
 
 
 def _make_chart(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows]) -> Figure:
-    """Draw every variant by cost and error, with its uncertainty; a line joins those on the front."""
+    """Draw every variant by cost and error, with its uncertainty. A line joins the variants on the front."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _list_errors(methods)
     figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)

@@ -1,4 +1,5 @@
-"""Whether a cheaper rendering leads to the same decisions as the reference: where digging is safe, and the chosen site.
+"""Find whether a cheaper rendering leads to the same decisions as the reference: where digging is safe, and the chosen
+site.
 
 The decisions of a matcher on a variant are compared with the same matcher's decisions on the reference, over the cells
 in reach. Both are judged by the true heights of the reference. Cells of one map are not independent, so doubts are from
@@ -28,7 +29,7 @@ from ..measure.row_metrics import disparity_to_depth
 
 #: Limits within which decisions count as the same, doubts included: the share of the cells in reach that are decided
 #: differently, the change of the share of unsafe cells that are taken for safe, and the additional regret of the chosen
-#: site. They are assumptions: a twentieth of the map, a hundredth that endangers, a tenth of a margin.
+#: site. They are assumptions: a twentieth of the map, a hundredth of dangerous cells, a tenth of a margin.
 MAX_OTHERWISE_SHARE, MAX_UNSAFE_SHARE, MAX_REGRET = 0.05, 0.01, 0.1
 RULE = (
     f"Decisions are the same if at most {100 * MAX_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "
@@ -39,9 +40,7 @@ RULE = (
 
 @dataclass(frozen=True)
 class MatchedRender:
-    """The input and output of matchers on one render: the left image as they see it, and disparities (H, W) by
-    label.
-    """
+    """The left image of one render as matchers see it, and their disparities (H, W), px, by label."""
 
     left: Array
     disparities: dict[str, Array]
@@ -55,7 +54,7 @@ class DecisionReference:
     sites: dict[str, Sites]
 
     def decide(self, matched: MatchedRender) -> dict[str, Sites]:
-        """The decisions of each matcher on the images of a render."""
+        """Decide by each matcher on the images of a render; return the sites by label."""
         seen = replace(self.workspace, prepared=replace(self.workspace.prepared, left=matched.left))
         return {
             label: decide_from_depth(seen, disparity_to_depth(seen.prepared, disparity)).sites
@@ -63,17 +62,22 @@ class DecisionReference:
         }
 
     def compare(self, renders: Sequence[MatchedRender]) -> dict[str, dict[str, Any]]:
-        """By matcher, how the decisions of renders of one variant differ from the reference's, see ``_compare``."""
+        """Compare, by matcher, the decisions on renders of one variant with the reference's decisions, see
+        ``_compare``.
+        """
         found = [self.decide(matched) for matched in renders]
         return {label: self._compare([each[label] for each in found], own) for label, own in self.sites.items()}
 
     def _compare(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
-        """Compare the sites of renders of one variant with the reference's. ``otherwise`` is the share of the cells in
-        reach with another decision. ``unsafe`` is the increase of unsafe cells that are taken for safe, as a share of
-        all cells. Their ``_doubt`` is two standard errors. ``shift_m`` is the shift of the chosen site, and ``regret``
-        the increase of its regret. All are means over renders, None where undefined. ``taken`` is the share of cells
-        that is taken for safe on the reference. ``same`` is whether the decisions are equal by RULE, None where noise
-        leaves it open."""
+        """Compare the sites of renders of one variant with the reference's. All numbers are means over renders, None
+        where undefined.
+
+        ``otherwise`` is the share of the cells in reach with another decision. ``unsafe`` is the increase of unsafe
+        cells that are taken for safe, as a share of all cells. Their ``_doubt`` is two standard errors. ``shift_m`` is
+        the shift of the chosen site, and ``regret`` the increase of its regret. ``taken`` is the share of cells that
+        are taken for safe on the reference. ``same`` is whether the decisions are equal within the limits, None where
+        noise leaves this open.
+        """
         truth, among = self.workspace.truth, self._find_judged_cells
         danger = among & ~truth.sites.safe
         sums = np.stack(
@@ -106,7 +110,7 @@ class DecisionReference:
         return np.asarray(self.workspace.reached & self.workspace.truth.dem.known)
 
     def _compare_choices(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
-        """The chosen site's ``shift_m`` and ``regret``, and whether it is ``as_good``."""
+        """Return the chosen site's ``shift_m`` and ``regret``, and whether it is ``as_good``."""
         first, *others = (
             score_sites(each, self.workspace.truth.sites, self._find_judged_cells) for each in (own, *found)
         )
@@ -123,16 +127,19 @@ class DecisionReference:
 
 
 def _compute_shares(total: Array) -> Array:
-    """The shares (..., 2) of cells with another decision, and of cells that are unsafe but taken beyond those of the
-    reference, means over renders, from sums (renders, ..., 4): of cells, those with another decision, and those taken
-    but unsafe by each."""
+    """Compute two shares (..., 2) of cells, means over renders: cells with another decision, and the excess over the
+    reference of cells that are taken for safe but are unsafe.
+
+    ``total`` (renders, ..., 4) are numbers of cells: all cells, cells with another decision, and cells taken but
+    unsafe, on the variant and on the reference.
+    """
     shares = np.stack([total[..., 1], total[..., 2] - total[..., 3]], axis=-1) / total[..., :1]
     return np.asarray(shares.mean(axis=0))
 
 
 def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) -> DecisionReference | str:
-    """The reference's decisions on the pair in ``folder``, from ``matched`` images; or a sentence on why they
-    are missing.
+    """Make the reference's decisions on the pair in ``folder``, from ``matched`` images; or return a sentence on why
+    there are no decisions.
     """
     try:
         workspace = open_workspace(prepare_pair(folder, {}), rules)
@@ -157,7 +164,7 @@ def _is_within(value: float | None, doubt: float | None, most: float) -> bool | 
 
 
 def describe_decisions(found: Mapping[str, Any]) -> str:
-    """The differences of a variant's decisions, in words."""
+    """Describe the differences of a variant's decisions in words."""
     site = "" if found["shift_m"] is None else f", its site {found['shift_m']:.2f} m away"
     return (
         f"{_format_percent(found, 'otherwise', '')} of the cells otherwise, "

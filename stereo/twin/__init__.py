@@ -1,1 +1,3 @@
-"""Photographed pairs beside their twins: the same rig over simulated ground, by image statistics and by matchers."""
+"""Photographed pairs beside their twins: the same rig over simulated ground, compared by image statistics and by
+matchers.
+"""

@@ -1,6 +1,6 @@
-"""Measures of a photographed pair and of its twin: statistics of the images, and of each matcher on them.
+"""Measure a photographed pair and its twin: statistics of the images, and of each matcher on them.
 
-Both get the same treatment: the brightness of the left image at one quantile becomes white, since the exposure of the
+Both get the same treatment. The brightness of the left image at one quantile becomes white, because the exposure of the
 photographs is unknown, and matchers search the same range. The numbers of a pair are kept, and are measured again only
 if its files, its twin or the methods change.
 """
@@ -52,11 +52,11 @@ VERSION = 1
 SIDES = ("photograph", "twin")
 #: The title of the colour bar of disparity maps.
 DISPARITY_TITLE = "Disparity (px), log scale"
-#: Disparities of the eyes agree within this, px.
+#: Largest difference of disparities of the eyes that agree, px.
 CONSISTENT_PX = 1.0
 #: Texture below which a pixel counts as smooth, grey levels per px.
 SMOOTH_TEXTURE = 2.0
-#: Bounds of the classes of grey levels, and of gradients in grey levels per px.
+#: Bounds of the classes of grey levels, and of the classes of gradients in grey levels per px.
 LEVEL_BOUNDS = tuple(range(0, 257, 8))
 GRADIENT_BOUNDS = tuple(float(f"{step:.4g}") for step in np.geomspace(1.0, 256.0, 25))
 
@@ -117,8 +117,9 @@ _MEASURED_SHAPE = {
 
 @dataclass(frozen=True)
 class _Images:
-    """A side of a pair on the pixels of the rig: grey levels (H, W) by eye from 0 to 255, and the true disparity of
-    the left eye, NaN where unknown, or None."""
+    """The images of one side on the pixels of the rig: grey levels (H, W) by eye from 0 to 255, and the true disparity
+    of the left eye, px, NaN where unknown; None without a truth.
+    """
 
     grey: Mapping[str, Array]
     truth: Array | None
@@ -132,10 +133,10 @@ def read_or_measure(
     methods: Sequence[Method],
     out: Path,
 ) -> dict[str, Any]:
-    """The numbers of a photographed pair and of its ``twin``, a pair's folder that is whole, read or measured.
+    """Read or measure the numbers of a photographed pair and of its ``twin``, the folder of a complete pair.
 
-    The complete ``settings`` have the camera's response. Pictures and numbers lie in ``out``. Raises IcyMoonError
-    for photographs that cannot be read or do not fit.
+    The complete ``settings`` have the camera's response. Pictures and numbers lie in ``out``. Raises IcyMoonError for
+    photographs that cannot be read or do not fit.
     """
     file = out / f"{photographs.name}.json"
     key = _make_content_key(photographs, rectification, twin, settings, methods)
@@ -152,7 +153,7 @@ def read_or_measure(
 def _make_content_key(
     photographs: Photographs, rectification: Rectification, twin: Path, settings: Settings, methods: Sequence[Method]
 ) -> str:
-    """A hash of everything that determines the numbers of a pair."""
+    """Make a hash of everything that determines the numbers of a pair."""
     stated = [
         [read_checksum(path, MAX_BYTES) for path in photographs.files],
         photographs.depth is not None,
@@ -210,8 +211,9 @@ def _measure(
 def check_matchers(
     photographs: Photographs, rectification: Rectification, settings: Settings, methods: Sequence[Method]
 ) -> None:
-    """Match a photographed pair once with each method, before its twin is rendered. Raises IcyMoonError where a matcher
-    refuses: images too small for its search range, or a program that fails."""
+    """Match a photographed pair once with each method, before its twin is rendered. Raises IcyMoonError if a matcher
+    refuses: for images too small for its search range, or a program that fails.
+    """
     side = _read_photographs(photographs, rectification)
     _, images, _ = _prepare_images(side, rectification.seen)
     ranges = {AUTO: choose_search_range(settings, [side.truth])}
@@ -220,15 +222,16 @@ def check_matchers(
 
 
 def _prepare_images(side: _Images, seen: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, Array], float]:
-    """The grey levels of both eyes, black where not ``seen`` in both sides, the same with 8 bits, and the white
-    level."""
+    """Return the grey levels of both eyes, black where not ``seen`` in both sides, the same with 8 bits, and the white
+    level.
+    """
     shown = {eye: np.where(seen[eye], side.grey[eye], 0.0) for eye in EYES}
     white = find_white(side.grey["left"][seen["left"]])
     return shown, {eye: stretch_to_8_bit(shown[eye], white) for eye in EYES}, white
 
 
 def _replace_nan(value: Any) -> Any:
-    """Replace numbers that are not finite by None, since JSON lacks them."""
+    """Replace numbers that are not finite by None, because JSON lacks them."""
     if isinstance(value, dict):
         return {key: _replace_nan(each) for key, each in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
@@ -241,7 +244,9 @@ def _read_photographs(photographs: Photographs, rectification: Rectification) ->
 
 
 def _read_twin(folder: Path, settings: Settings) -> tuple[_Images, dict[str, Array], float]:
-    """The images that the camera takes of the twin, where each sensor sees, bool (H, W), and the share of sky."""
+    """Read the images that the camera takes of the twin, the pixels that each sensor sees, bool (H, W), and the share
+    of sky.
+    """
     pair = read_unchanged_pair(folder)
     (left, view), (right, _) = (read_eye(pair, eye) for eye in EYES)
     images = develop(pair, left, right, settings)
@@ -255,7 +260,9 @@ def _read_twin(folder: Path, settings: Settings) -> tuple[_Images, dict[str, Arr
 
 
 def choose_search_range(settings: Settings, truths: Sequence[Array | None]) -> SearchRange:
-    """The disparities that matchers search in both pairs: the rig's over unknown relief, and all true ones."""
+    """Choose the disparities that matchers search in both pairs: the rig's over unknown relief, and all true
+    disparities.
+    """
     ranges = [
         find_rig_range(settings, described=False),
         *(find_true_range(each) for each in truths if each is not None),
@@ -267,12 +274,12 @@ def choose_search_range(settings: Settings, truths: Sequence[Array | None]) -> S
 
 
 def measure_image(grey: Array, white: float, seen: Array) -> tuple[dict[str, float], dict[str, list[float]]]:
-    """The STATISTICS and the curves of the ``seen`` pixels of an image (H, W) of levels from 0 to 255.
+    """Measure the STATISTICS and the curves of the ``seen`` pixels of an image (H, W) of levels from 0 to 255.
 
-    The image is stretched so that ``white`` is 255. The curves are shares of pixels by LEVELS and by GRADIENTS, and
+    The image is stretched so that ``white`` is 255. The curves are shares of pixels by levels and by gradients, and
     cycles per pixel and power of the rings of the spectrum.
     """
-    # Gradients reach a pixel farther than the window that they are averaged over.
+    # Gradients reach one pixel beyond the window over which they are averaged.
     inner = erode(seen, TEXTURE_WINDOW_PX // 2 + 1)
     light = np.clip(grey / white, 0.0, 1.0) * 255
     down, across = np.gradient(light)
@@ -313,10 +320,12 @@ def measure_matcher(
     search: SearchRange,
     truth: Array | None,
 ) -> tuple[Array, dict[str, float]]:
-    """The disparity (H, W) of a method on grey images, and the MATCHED numbers over the pixels that are ``seen``.
+    """Match grey images by a method; return the disparity (H, W), px, and the MATCHED numbers over the pixels that are
+    ``seen``.
 
-    The right image is matched too, mirrored and exchanged with the left image. Errors are NaN without a ``truth``,
-    and count pixels whose true place is in the right image; which ones are hidden there no photograph tells.
+    The right image is matched too, mirrored and exchanged with the left image. Errors are NaN without a ``truth``. They
+    count pixels whose true place is in the right image, also those that are hidden there, because no photograph shows
+    which ones are.
     """
     ranges = {AUTO: search}
 
@@ -340,8 +349,9 @@ def measure_matcher(
 
 
 def find_consistent(left: Array, right: Array) -> Array:
-    """Bool (H, W): the disparity of a left pixel agrees with the disparity of the right pixel to which it points; both
-    are in px, NaN where unknown."""
+    """Find the left pixels, bool (H, W), whose disparity agrees with the disparity of the right pixel to which it
+    points; both are in px, NaN where unknown.
+    """
     column = find_matching_column(left)
     inside = is_in_frame(column)
     at = np.where(inside, np.rint(np.nan_to_num(column)), 0).astype(int).clip(0, left.shape[1] - 1)
@@ -350,7 +360,7 @@ def find_consistent(left: Array, right: Array) -> Array:
 
 
 def _choose_scale(disparities: Any) -> Scale:
-    """The colour range of all disparity maps of a pair."""
+    """Choose the colour range of all disparity maps of a pair."""
     known = np.concatenate([each[np.isfinite(each)] for each in disparities])
     low, high = (float(q) for q in np.quantile(known, (0.01, 0.99))) if known.size else (1.0, 64.0)
     return Scale(max(low, 0.1), max(high, low * 1.05, 0.2), VIRIDIS, DISPARITY_TITLE)

@@ -11,7 +11,8 @@ from ...support.number_text import format_count, show_rounded
 from .photographs import LOSSY_SUFFIXES, Rectification
 from .plan import Described, Twin
 
-#: Relief over the height above which the sentence on the pose names it; share of sky or unseen pixels that is named.
+#: Ratio of relief to height above which the sentence on the pose names the relief; least share of sky or unseen pixels
+#: that is named.
 _REPORTED_RELIEF, _REPORTED_SHARE = 0.05, 0.005
 
 
@@ -23,8 +24,10 @@ def list_limits(
     needed: int,
     ground: str,
 ) -> list[str]:
-    """The sentences on limits, the most important first. ``needed`` is the number of pairs that an interval of the
-    differences takes; ``ground`` is the file of the user's own ground, empty without one.
+    """List the sentences on limits, the most important first.
+
+    ``needed`` is the number of pairs for an interval of the differences; ``ground`` is the file of the user's own
+    ground, "" without one.
     """
     return [
         *_tell_ground(twins, ground),

@@ -1,4 +1,4 @@
-"""Writing photographed pairs beside their twins: one page that contains everything, and a table of all numbers."""
+"""Write photographed pairs beside their twins: one page that contains everything, and a table of all numbers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_page(
 ) -> Path:
     """Write ``twin.html`` and ``twin.csv`` into ``out``, and return the path of the page.
 
-    ``pictures`` is the folder with the pictures of ``measured``, ``limits`` and ``notes`` are sentences.
+    ``pictures`` is the folder with the pictures from ``compare_twin``; ``limits`` and ``notes`` are sentences.
     """
     write_text(out / TABLE, make_csv(twins, records, methods))
     rig = twins[0].planned.settings.rig
@@ -65,7 +65,7 @@ def write_page(
 
 
 def _choose_shown(count: int) -> list[int]:
-    """The indices of the pairs to show: all, or at equal steps."""
+    """Choose the indices of the pairs to show: all, or some at equal steps."""
     return sorted({round(k) for k in np.linspace(0, count - 1, min(count, _MAX_SHOWN))})
 
 
@@ -96,7 +96,9 @@ def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods
 
 
 def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick lines for their means."""
+    """Draw histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick lines for their
+    means.
+    """
     found: list[str] = []
     with matplotlib.rc_context(STYLE):
         for key, title, label, logarithmic in (
@@ -107,7 +109,7 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
             with add_panel(found, f"twin-{key}", title) as axis:
                 for k, side in enumerate(SIDES):
                     curves = [record[side]["curves"] for record in records]
-                    places = _find_places(key, curves)
+                    places = _find_curve_places(key, curves)
                     drawn = np.array([curve[key] for curve in curves if len(curve[key]) == len(places)], float)
                     if not drawn.size:
                         continue
@@ -115,7 +117,10 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
                     for line in drawn[:_MAX_CURVES] if len(drawn) > 1 else ():
                         axis.plot(places, line, color=METHOD_COLOURS[k], linewidth=0.6, alpha=0.35)
                     axis.plot(
-                        places, _average(key, drawn), color=METHOD_COLOURS[k], label=html.escape(_SIDE_TITLES[side])
+                        places,
+                        _average_curves(key, drawn),
+                        color=METHOD_COLOURS[k],
+                        label=html.escape(_SIDE_TITLES[side]),
                     )
                 axis.set_xlabel(label)
                 axis.set_ylabel("power" if key == "power" else "pixels (%)")
@@ -128,14 +133,14 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
-    """The x of the points of a curve."""
+def _find_curve_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
+    """Find the x coordinates of the points of a curve."""
     if key == "power":
         return max((curve["cycles"] for curve in curves), key=len)
     bounds = np.array(LEVEL_BOUNDS if key == "levels" else GRADIENT_BOUNDS, float)
     return (bounds[1:] + bounds[:-1]) / 2 if key == "levels" else np.sqrt(bounds[1:] * bounds[:-1])
 
 
-def _average(key: str, drawn: Any) -> Any:
-    """The mean of curves (pairs, points); of spectra the mean of the logarithms."""
+def _average_curves(key: str, drawn: Any) -> Any:
+    """Average curves (pairs, points); spectra are averaged as logarithms."""
     return np.exp(np.log(drawn).mean(axis=0)) if key == "power" else drawn.mean(axis=0)

@@ -21,18 +21,20 @@ from ..datasets.input_faults import check_map_size
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import sample_at_pixels
 
-#: Suffixes of images that are read, and of those that lose detail.
+#: Suffixes of images that are read, and of formats that lose detail.
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 LOSSY_SUFFIXES = (".jpg", ".jpeg", ".webp")
-#: Largest shift, px, of a rectified image's pixels from the photograph's at which its numbers are copied.
+#: Largest shift, px, between the pixels of a rectified image and of the photograph at which the numbers are copied.
 _SAME_PX = 0.01
-#: A median disparity below this comes from depths in millimetres, px.
+#: Least median disparity, px; a smaller one comes from depths in millimetres.
 _MIN_DISPARITY_PX = 0.5
 
 
 @dataclass(frozen=True)
 class Photographs:
-    """A photographed pair: a name for results, the files of both eyes, and of the true depth of the left image."""
+    """A photographed pair: a name for results, the files of both eyes, and the file of the left image's true depth, if
+    any.
+    """
 
     name: str
     left: Path
@@ -46,7 +48,7 @@ class Photographs:
 
 
 def find_photographs(paths: Sequence[Path], depths: Sequence[Path] = ()) -> list[Photographs]:
-    """The pairs of LEFT RIGHT LEFT RIGHT …, or of one folder, with true depths in the same order.
+    """Find the pairs of LEFT RIGHT LEFT RIGHT …, or of one folder, with true depths in the same order.
 
     A folder has images in ``left`` and ``right`` with the same names, or images whose names differ in left and right.
     Raises IcyMoonError for an image without its partner, and for another number of depths.
@@ -79,7 +81,9 @@ def find_photographs(paths: Sequence[Path], depths: Sequence[Path] = ()) -> list
 
 
 def _find_in_folder(folder: Path) -> list[tuple[Path, Path]]:
-    """The files of both eyes in a folder, in the order of their names."""
+    """Find the files of both eyes in a folder, in the order of their names. Raises IcyMoonError without pairs, and for
+    an image without its partner.
+    """
     sides = [folder / eye for eye in EYES]
     if all(side.is_dir() for side in sides):
         left, right = ({path.stem: path for path in _list_images(side)} for side in sides)
@@ -109,9 +113,10 @@ def _list_images(folder: Path) -> list[Path]:
 class Rectification:
     """The resampling of photographs to the images of the parallel rig ``camera``.
 
-    ``pixels``, by eye: columns and rows (H, W, 2) of the photograph, counted from its corner, that the pixels of the
-    rectified image show; None where these are the same pixels. ``seen``, by eye: bool (H, W), the photograph has the
-    pixel. ``further``: (H, W), the planar depth along the rig's axis over that along the left photograph's.
+    ``pixels``, by eye: columns and rows (H, W, 2) in the photograph, counted from its corner, of the pixels of the
+    rectified image; None if both have the same pixels. ``seen``, by eye: bool (H, W), whether the photograph has the
+    pixel. ``further``: (H, W), the planar depth along the rig's axis over the planar depth along the left photograph's
+    axis.
     """
 
     camera: StereoCamera
@@ -126,7 +131,7 @@ class Rectification:
         return any(pixels is not None for pixels in self.pixels.values())
 
     def read_grey(self, path: Path, eye: str) -> Array:
-        """The grey levels of a photograph from 0 to 255, float32 (H, W), on the pixels of the rig.
+        """Read the grey levels of a photograph from 0 to 255, float32 (H, W), on the pixels of the rig.
 
         Raises IcyMoonError for an image that cannot be read, and for another size than the calibration's.
         """
@@ -141,8 +146,8 @@ class Rectification:
         return image.astype(np.float32) if pixels is None else sample_at_pixels(image, pixels)
 
     def read_disparity(self, path: Path) -> Array:
-        """The true disparity of the left image, float64 (H, W) in px, NaN where unknown, from planar depths in metres
-        at the pixels of the left photograph.
+        """Read the true disparity of the left image, float64 (H, W) in px, NaN where unknown, from planar depths in
+        metres at the pixels of the left photograph.
 
         Depths are never interpolated. Raises IcyMoonError for a map that cannot be read, of another size, or in
         millimetres.
@@ -169,9 +174,10 @@ class Rectification:
 
 
 def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> Rectification:
-    """The resampling of the photographs of the first two cameras of a rig to the images of the parallel rig ``camera``.
+    """Make the resampling of the photographs of the first two cameras of a rig to the images of the parallel rig
+    ``camera``.
 
-    The eyes turn as by OpenCV's stereoRectify. Raises IcyMoonError, naming the calibration ``where``, for eyes that are
+    The eyes turn as in OpenCV's stereoRectify. Raises IcyMoonError, naming the calibration ``where``, for eyes that are
     not side by side.
     """
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
@@ -182,7 +188,7 @@ def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> 
     pixels: dict[str, Array | None] = {}
     seen: dict[str, Array] = {}
     for eye, eyes_own, turn in zip(EYES, rig.cameras, turns, strict=False):
-        at = _project(eyes_own, rays @ turn)
+        at = _project_rays(eyes_own, rays @ turn)
         with np.errstate(invalid="ignore"):
             seen[eye] = np.asarray(((at >= 0.5) & (at <= np.array(eyes_own.size_px) - 0.5)).all(axis=-1))
             same = eyes_own.size_px == (camera.width_px, camera.height_px) and bool(
@@ -198,6 +204,6 @@ def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> 
     )
 
 
-def _project(camera: CalibratedCamera, rays: Array) -> Array:
-    """Columns and rows (..., 2), counted from the image's corner, of rays (..., 3) in a camera's own axes."""
+def _project_rays(camera: CalibratedCamera, rays: Array) -> Array:
+    """Project rays (..., 3) in a camera's own axes to columns and rows (..., 2), counted from the image's corner."""
     return camera.placed(np.eye(3), np.zeros(3)).project(rays) + 0.5

@@ -1,4 +1,4 @@
-"""The twin of each photographed pair: complete settings, and assumptions."""
+"""The twin of each photographed pair: its complete settings, and its assumptions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .pose import Pose, fit_pose
 _MARGIN_FACTOR = 1.01
 #: Settings of the pose that a true depth gives.
 POSE_KEYS = ("height_m", "pitch_deg", "roll_deg")
-#: The images count as exchanged if exchanging them gives more than this many times as many matching places.
+#: The images count as exchanged if exchanging them multiplies the number of matching places by more than this factor.
 _EXCHANGED_RATIO = 2.0
 
 
@@ -43,7 +43,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class Described:
-    """The stated scene of the user: complete settings ``below`` the settings of the calibrated ``rig``, and changes
+    """The scene that the user states: complete settings ``below`` the settings of the calibrated ``rig``, and changes
     ``above`` them. ``own`` are the user's own files and changes in both.
     """
 
@@ -53,11 +53,13 @@ class Described:
     own: Sequence[Parts]
 
     def states(self, topic: str, *keys: str) -> bool:
-        """Whether the user states one of these settings, beside presets."""
+        """Return whether the user states one of these settings, apart from presets."""
         return any(key in part.get(topic, {}) for part in self.own for key in keys)
 
     def complete(self, *more: Parts) -> Settings:
-        """The complete settings, with ``more`` between rig and changes; the lens has the margin that it needs."""
+        """Return the complete settings, with ``more`` between rig and changes. The lens gets the margin that it
+        needs.
+        """
         found = merged(self.below, self.rig, *more, self.above, {"dataset": {"headings": 1}})
         needed = find_overscan(found.rig) if any(read_coefficients(found.rig)) else 0.0
         if needed and not self.states("rig", "overscan"):
@@ -66,11 +68,11 @@ class Described:
 
 
 def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
-    """Plan the twin of each pair. Twins have different seeds and so different grounds; the first has the settings'
-    seed.
+    """Plan the twin of each pair. Twins have different seeds and so different grounds; the first has the seed in the
+    settings.
 
-    Height, pitch and roll follow from the true depth, unless the user states one of them. All files are read. Raises
-    IcyMoonError.
+    Height, pitch and roll follow from the true depth, unless the user states one of them. Raises IcyMoonError for a
+    file that cannot be read; all files are read.
     """
     known = described.states("rig", *POSE_KEYS)
     twins, first = [], int(described.complete().dataset.seed)
@@ -92,12 +94,14 @@ def plan_twins(pairs: Sequence[Photographs], described: Described, rectification
 
 
 def _doubt_order(photographs: Photographs, places: MatchedPlaces) -> Iterator[str]:
-    """A sentence if the images match better with the right image first, or in too few places for the calibration."""
+    """Yield a sentence if the images match better with the right image first, or in too few places for the
+    calibration.
+    """
     stated, swapped = (int(np.isfinite(each).sum()) for each in (places.left, places.swapped))
     if not places.are_enough():
         yield (
-            f"{photographs.left} and {photographs.right} match in few places along their rows: they show little, or "
-            "the calibration is not theirs."
+            f"{photographs.left} and {photographs.right} match in few places along their rows: they have too little "
+            "texture, or the calibration belongs to other images."
         )
     elif swapped > _EXCHANGED_RATIO * stated:
         yield (
@@ -107,7 +111,7 @@ def _doubt_order(photographs: Photographs, places: MatchedPlaces) -> Iterator[st
 
 
 def _doubt_depth(path: Path, disparity: Array, camera: StereoCamera, places: MatchedPlaces) -> Iterator[str]:
-    """A sentence if the true depth contradicts the images."""
+    """Yield a sentence if the true depth contradicts the images."""
     fault = find_fault(disparity, "disparity", camera, places)
     if fault is not None:
         fits = f"; it fits {READINGS[fault.kind]}" if fault.kind in READINGS else ""

@@ -1,4 +1,4 @@
-"""The pose of a camera over the plane that fits a map of depths: its height, and how it is tilted."""
+"""The pose of a camera over the plane that fits a map of depths: its height and its tilt."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...support.errors import IcyMoonError
 #: Most points of a fit, rounds of the fit, and the share of the points nearest to the plane that count in the next
 #: round.
 _MAX_POINTS, _FIT_ROUNDS, _KEPT_SHARE = 20_000, 8, 0.8
-#: Pitch from which on a roll is a turn about the vertical, which a plane does not show.
+#: Pitch above which a roll is a turn about the vertical, which a plane does not show.
 _STRAIGHT_DOWN_DEG = 89.0
 #: Fewest points for a plane.
 _FEWEST_POINTS = 100
@@ -23,7 +23,8 @@ _FEWEST_POINTS = 100
 @dataclass(frozen=True)
 class Pose:
     """Height above the plane, pitch down, roll clockwise (0 for a camera that looks straight down), and the RMS
-    distance of the points from the plane."""
+    distance of the points from the plane.
+    """
 
     height_m: float
     pitch_deg: float
@@ -32,7 +33,7 @@ class Pose:
 
 
 def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
-    """The pose over the plane through most points of a disparity map (H, W), px, NaN where unknown; the plane is
+    """Fit the pose over the plane through most points of a disparity map (H, W), px, NaN where unknown; the plane is
     assumed level.
 
     Raises IcyMoonError if there are too few points.

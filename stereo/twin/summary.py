@@ -26,10 +26,10 @@ _NO_NUMBER = "–"
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A quantity of the images, or of a method on them (``method`` is its label, else empty).
+    """A quantity of the images, or of a method on them; ``method`` is its label, else "".
 
-    ``means`` and ``intervals`` (low, high) are by side, ``difference`` is the typical one, photograph minus twin, with
-    its ``difference_interval``; NaN is unknown.
+    ``means`` and ``intervals`` (low, high) are by side. ``difference`` is the typical difference, photograph minus
+    twin, with its ``difference_interval``. Unknown numbers are NaN.
     """
 
     quantity: Quantity
@@ -40,26 +40,26 @@ class SummaryRow:
     difference_interval: tuple[float, float]
 
     def text(self, side: str) -> str:
-        """The mean of a ``side``, photographs or twins, in the format of the page."""
+        """Format the mean of a ``side``, photograph or twin, for the page."""
         return format_number(self.quantity, self.means[side])
 
     def interval_text(self, side: str) -> str:
-        """The interval of a side's mean; empty without one."""
+        """Format the interval of a side's mean; "" without an interval."""
         return _format_interval(self.quantity, self.intervals[side])
 
     @property
     def difference_text(self) -> str:
-        """The typical difference, with its sign."""
+        """The typical difference as text, with its sign."""
         return format_number(self.quantity, self.difference, "+")
 
     @property
     def difference_interval_text(self) -> str:
-        """Its interval; empty without one."""
+        """The interval of the typical difference as text; "" without an interval."""
         return _format_interval(self.quantity, self.difference_interval, "+")
 
 
 def format_number(quantity: Quantity, value: float, sign: str = "") -> str:
-    """Text of a ``value`` with the digits of its quantity; shares are in per cent."""
+    """Format a ``value`` with the digits of its quantity; shares are in per cent."""
     if not math.isfinite(value):
         return _NO_NUMBER
     return f"{value * (100 if quantity.share else 1):{sign}.{quantity.digits}f}"
@@ -72,14 +72,16 @@ def _format_interval(quantity: Quantity, ends: tuple[float, float], sign: str = 
 
 
 def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -> tuple[list[SummaryRow], int]:
-    """The rows of all quantities, and the smallest number of pairs for an interval of the typical difference.
+    """Summarise all quantities in rows. Also return the smallest number of pairs for an interval of the typical
+    difference.
 
-    All differences are one family. ``records`` are from ``measured.read_or_measure``.
+    All differences are one family. ``records`` are from ``compare_twin.read_or_measure``.
     """
     columns = [(quantity, "") for quantity in STATISTICS]
     columns += [(quantity, method.label) for method in methods for quantity in MATCHED]
     values = {
-        side: np.array([[_find(record[side], *column) for column in columns] for record in records]) for side in SIDES
+        side: np.array([[_find_quantity(record[side], *column) for column in columns] for record in records])
+        for side in SIDES
     }
     shares = np.array([quantity.share for quantity, _ in columns])
     pairs = np.arange(len(records))
@@ -99,7 +101,7 @@ def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -
     return rows, family.needed
 
 
-def _find(side: Mapping[str, Any], quantity: Quantity, method: str) -> float:
+def _find_quantity(side: Mapping[str, Any], quantity: Quantity, method: str) -> float:
     value = (side["matched"][method] if method else side["statistics"])[quantity.key]
     return float("nan") if value is None else float(value)
 
@@ -110,7 +112,9 @@ def _compute_mean(values: Array) -> float:
 
 
 def make_csv(twins: Sequence[Twin], records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -> str:
-    """A row for each side of each pair, with all its numbers; shares are from 0 to 1, and unknown shares are empty."""
+    """Make a row for each side of each pair, with all its numbers; shares are from 0 to 1, and unknown numbers are
+    empty.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     heads = [quantity.key for quantity in STATISTICS]

@@ -71,11 +71,11 @@ def test_measurements_below_the_limit_of_confidence_are_not_used(monkeypatch):
     def find_depth(limit, stated):
         info = {"confidence": stated, "seconds": 1.0}
         monkeypatch.setattr(decide, "match_prepared", lambda *_: (8 * one, info))
-        return decide._match(stub, method, limit)[0]
+        return decide._match_pair(stub, method, limit)[0]
 
     np.testing.assert_array_equal(np.isfinite(find_depth(0.5, confidence)), confidence >= 0.5)
     assert np.isfinite(find_depth(0.0, None)).all()
-    with pytest.raises(IcyMoonError, match=r"JPLV states no confidence, of which at least 0\.5 is asked; leave out"):
+    with pytest.raises(IcyMoonError, match=r"JPLV states no confidence, but at least 0\.5 is required; leave out"):
         find_depth(0.5, None)
 
 

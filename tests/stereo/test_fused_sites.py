@@ -116,13 +116,13 @@ def test_noise_of_two_images_is_less_than_of_one(tmp_path):
 def test_a_second_start_takes_the_rows_of_the_first_and_other_suns_are_other_rows(suns, tmp_path, monkeypatch):
     run(suns, tmp_path / "out", fuse_suns=True)
     matched = []
-    kept = decide._match
+    kept = decide._match_pair
 
     def match(prepared, *rest):
         matched.append(prepared.pair.name)
         return kept(prepared, *rest)
 
-    monkeypatch.setattr(decide, "_match", match)
+    monkeypatch.setattr(decide, "_match_pair", match)
     run(suns, tmp_path / "out", fuse_suns=True)
     assert matched == []
     third = write(tmp_path / "set" / "pairs" / "0", 200, noise=0.05)
@@ -218,7 +218,7 @@ def test_disparities_of_suns_are_joined_before_they_are_heights(suns, tmp_path, 
     """Of one pair 8 px, and of the other 8.5 px: the depth is that of 8.25 px."""
     monkeypatch.setattr(
         decide,
-        "_match",
+        "_match_pair",
         lambda prepared, *_: (np.full(prepared.truth.shape, 8.0 if prepared.pair.name == "a" else 8.5), 1.0),
     )
     report = run(suns, tmp_path / "out", fuse_suns=True)
