@@ -85,12 +85,12 @@ class StoredResults:
     pairs: tuple[str, ...]
     settings: Settings
     summary: tuple[dict[str, Any], ...]
+    noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
     notes: tuple[str, ...] = ()
     briefs: tuple[str, ...] = ()  # of the notes
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
     typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
-    noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -137,11 +137,11 @@ def _parse_results(text: str) -> StoredResults | None:
         tuple(map(_clean_text, found["pairs"])),
         typed(found["settings"]),
         tuple(sorted(map(_complete_row, found["summary"]), key=_sort_key)),
+        float(found.get("noise_doubt", 0.0)),
         *(
             tuple(_clean_text(note, _MAX_NOTE_CHARACTERS) for note in found.get(key, ())[:_MAX_NOTES])
             for key in _SENTENCE_LISTS
         ),
-        noise_doubt=float(found.get("noise_doubt", 0.0)),
     )
 
 
