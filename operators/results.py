@@ -85,12 +85,12 @@ class StoredResults:
     pairs: tuple[str, ...]
     settings: Settings
     summary: tuple[dict[str, Any], ...]
+    noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
     notes: tuple[str, ...] = ()
     briefs: tuple[str, ...] = ()  # of the notes
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
     typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
-    noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:

@@ -134,7 +134,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(
-            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=6.7
+            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=6.85
         )
         row = layout.row(align=True)
         icon = "GREASEPENCIL" if presets.is_changed(context.scene) else "PRESET"  # words would cut the title
