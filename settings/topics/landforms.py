@@ -143,6 +143,9 @@ class PenitentesSettings(Table, label="Penitentes", parent=LANDFORMS, turned_on_
     disorder: float = fraction(
         "Disorder", 0.0, "Variation of height between groups of blades, and of spacing and lean between blades; 0 for "
         "rows that are alike everywhere", "geometry", since="0.3")
+    wander: float = number(
+        "Wander", 0.5, 0.0, 2.0, (0.0, 1.0), "Sideways wandering of the rows, in spacings; 0 for parallel "
+        "rows in planes through the path of the Sun", "geometry", "spacings", since="0.4")
     noon_azimuth_deg: float = degrees(
         "Noon Sun", 0.0, -360.0, 360.0, "Azimuth of the noon Sun. Blades lean toward it, and rows run at right angles "
         "to it", "geometry")
