@@ -60,15 +60,31 @@ def add_patchy_grain(
     """Add grain whose height varies in patches, with unchanged RMS height; return its output socket.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
-    a mean square of 1. Its patches are 2 to ``_MAX_PATCH_LENGTH`` wavelengths of the grain wide.
+    a mean square of 1. Its patches are 2 to ``_MAX_PATCH_LENGTH`` wavelengths of the grain wide. With a limit of c
+    deviations, g stays within -c and c, and the factor is exp(s g - b) with the same mean square.
     """
     if surface.grain_patchiness == 0.0:
         return height
     field = add_noise(tree, "Patches of Grain", where, _MAX_PATCH_LENGTH * surface.grain_size_m, place[0], 4.0)
     deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
-    s = float(surface.grain_patchiness)
-    share = (deviations * s + -s * s).exp().named("Share of Grain")
+    s, limit = float(surface.grain_patchiness), float(surface.grain_patch_limit)
+    shift = -s * s
+    if limit > 0.0:
+        deviations = deviations.at_least(-limit).at_most(limit)
+        shift = -0.5 * math.log(measure_limited_patches(s, limit))
+    share = (deviations * s + shift).exp().named("Share of Grain")
     return (Number(tree, height) * share).value
+
+
+def measure_limited_patches(patchiness: float, limit: float) -> float:
+    """Mean of exp(2 s g) for a Gaussian g of unit deviation that is clipped at -limit and limit.
+
+    Between the limits it is the integral of exp(2 s g) times the density of g, a Gaussian about 2 s; the tails add what
+    is at the limits.
+    """
+    s, below = patchiness, statistics.NormalDist().cdf
+    inside = math.exp(2.0 * s * s) * (below(limit - 2.0 * s) - below(-limit - 2.0 * s))
+    return inside + below(-limit) * 2.0 * math.cosh(2.0 * s * limit)
 
 
 def add_grain(tree: Tree, where: Socket, wavelength_m: float, place: Sequence[float]) -> Socket:

@@ -54,8 +54,8 @@ def breaks_walls(settings: Settings) -> bool:
     """Return whether the mesh of complete ``settings`` has broken walls in the cameras' view."""
     cracks, chaos, pits, mesh = settings.cracks, settings.chaos, settings.pits, settings.mesh
     walls = (
-        (chaos.edges == "BROKEN" and chaos.relief_m > 0.0)
-        or (cracks.edges == "BROKEN" and cracks.depth_m > 0.0)
+        (chaos.edges != "ROUNDED" and chaos.relief_m > 0.0)
+        or (cracks.edges != "ROUNDED" and cracks.depth_m > 0.0)
         or (pits.depth_m > 0.0 and pits.coverage > 0.0)
     )
     return bool(walls and mesh.walls == "BROKEN" and mesh.kind == "GRADED" and settings.source.kind == "PROCEDURAL")

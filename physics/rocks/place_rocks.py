@@ -113,12 +113,12 @@ class _LooseRocks:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """The drawn rocks: one part on the patch, and one beyond it if there are any. Their debris is in the same parts, or
-    in none. The numbers are as in ``Rocks``.
-    """
+    """The rocks on the patch and those beyond it, if there are any, in one part or two, their debris in the same parts
+    or none, the places (n, 2) of the rocks that shed each fragment, and the numbers of ``Rocks``."""
 
     parts: tuple[_LooseRocks, ...]
     debris: tuple[_LooseRocks, ...]
+    shed_at_m: tuple[Array, ...]
     smallest_m: float
     beyond_rad: float
     debris_smallest_m: float
@@ -317,22 +317,20 @@ def _lay_at_rest(
 
 
 def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_m: float) -> _Drawn:
-    """Choose the drawn rocks and the debris that are on low ground, independently of each other: fragments of rocks on
-    high ground have fallen, as those rocks have.
-    """
-    return replace(
-        drawn,
-        parts=tuple(_choose_low(part, surface, radius_m) for part in drawn.parts),
-        debris=tuple(_choose_low(part, skirted, radius_m) for part in drawn.debris),
-    )
+    """The drawn rocks that are on low ground, and what of their debris is: rocks that are left out shed nothing."""
+    debris = list[_LooseRocks]()
+    for part, shed_at_m in zip(drawn.debris, drawn.shed_at_m, strict=True):
+        parents, parent = np.unique(shed_at_m, axis=0, return_inverse=True)
+        shed = _choose(part, _is_low(parents, surface, radius_m)[parent.ravel()])
+        debris.append(_choose(shed, _is_low(shed.places_m, skirted, radius_m)))
+    parts = tuple(_choose(part, _is_low(part.places_m, surface, radius_m)) for part in drawn.parts)
+    return replace(drawn, parts=parts, debris=tuple(debris))
 
 
-def _choose_low(loose: _LooseRocks, surface: HeightAt, radius_m: float) -> _LooseRocks:
-    """Choose the rocks whose ground is lower than its surroundings by more than rounding, which differs between
-    machines.
-    """
-    low = surface(*loose.places_m.T) < _level_around(loose.places_m, surface, radius_m) - _LEAST_LOW * radius_m
-    return _choose(loose, low)
+def _is_low(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
+    """Whether ground at places (n, 2) is lower than its surroundings by more than rounding, which differs between
+    machines."""
+    return np.asarray(surface(*places_m.T) < _level_around(places_m, surface, radius_m) - _LEAST_LOW * radius_m)
 
 
 def _level_around(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
@@ -504,14 +502,16 @@ def _draw_rocks(
         _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _POSES), heights, seen)
         for part, rank, stream, seen in zip(parts, ranks, _PART_STREAMS, chosen, strict=False)
     ]
-    debris, debris_smallest = list[_LooseRocks](), 0.0
+    debris, shed_at_m, debris_smallest = list[_LooseRocks](), list[Array](), 0.0
     if rocks.debris > 0:
         seen_m = [np.zeros(len(diameter))] + ([far.smallest_rad * far.diameter_m / far.angle_rad] if far else [])
         room = None if most_seen is None else most_seen - sum(len(each.diameter_m) for each in loose)
-        debris, debris_smallest = _draw_debris(rocks, seed, heights, clear_m, parts, kept, seen_m, room)
+        debris, shed_at_m, debris_smallest = _draw_debris(rocks, seed, heights, clear_m, parts, kept, seen_m, room)
     # For few rocks, finding the ground takes the same time for any number, so the ground is found once for all.
     laid, shed = (tuple(each if most_seen is None or not each else [_join(each)]) for each in (loose, debris))
-    return _Drawn(laid, shed, smallest, far.smallest_rad if far else 0.0, debris_smallest)
+    if most_seen is not None and shed_at_m:
+        shed_at_m = [np.concatenate(shed_at_m)]
+    return _Drawn(laid, shed, tuple(shed_at_m), smallest, far.smallest_rad if far else 0.0, debris_smallest)
 
 
 def _draw_debris(
@@ -523,11 +523,10 @@ def _draw_debris(
     kept: list[Array],
     seen_m: list[Array],
     most_seen: int | None,
-) -> tuple[list[_LooseRocks], float]:
-    """Draw the debris of the rocks of all ``parts``, before it lies on a ground. Also return the smallest diameter
-    within the limit on its number. Fragments of rocks that are not ``kept`` are left out, and so are fragments below
-    ``seen_m`` (n,) of each rock.
-    """
+) -> tuple[list[_LooseRocks], list[Array], float]:
+    """The debris of the rocks of all ``parts``, before it lies on a ground, the places (n, 2) of the rocks that shed
+    it, and the smallest diameter within the limit on its number. Fragments of rocks that are not ``kept`` are left out,
+    and those below ``seen_m`` (n,) of each rock."""
     shed = []
     for (xy, diameter), stream, least in zip(parts, _PART_STREAMS, seen_m, strict=False):
         posed = _pose_rocks(
@@ -540,12 +539,13 @@ def _draw_debris(
     # Beyond the patch every fragment looks small.
     ranks = [np.arange(len(each.parent)) + LEVEL_RANKS[-1] * (k > 0) for k, each in enumerate(shed)]
     ranks[0] += np.searchsorted(-parts[0][1], -shed[0].diameter_m)
-    return [
-        _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _DEBRIS, _POSES), heights, seen)
-        for part, rank, stream, seen in zip(
-            found, ranks, _PART_STREAMS, _choose_seen(found, there, clear_m, most_seen), strict=False
-        )
-    ], max(each.smallest_m for each in shed)
+    seen = _choose_seen(found, there, clear_m, most_seen)
+    posed_debris = [
+        _pose_rocks(rocks, *part, rank, make_generator(seed, "rocks", *stream, _DEBRIS, _POSES), heights, some)
+        for part, rank, stream, some in zip(found, ranks, _PART_STREAMS, seen, strict=False)
+    ]
+    shed_at_m = [xy[each.parent[some]] for (xy, _), each, some in zip(parts, shed, seen, strict=False)]
+    return posed_debris, shed_at_m, max(each.smallest_m for each in shed)
 
 
 def _join(parts: list[_LooseRocks]) -> _LooseRocks:

@@ -47,10 +47,12 @@ class CracksSettings(Table, label="Cracks", parent=LANDFORMS, turned_on_by="dept
         "for the nearly parallel fractures beside a tiger stripe", "geometry")
     azimuth_deg: float = degrees(
         "Direction", 0.0, -360.0, 360.0, "Direction of elongated cracks, from north (+Y) over east (+X)", "geometry")
-    edges: Literal["ROUNDED", "BROKEN"] = choice(
+    edges: Literal["ROUNDED", "BROKEN", "JOINTED"] = choice(
         "Edges", "ROUNDED", "Shape of the walls of cracks, and the fragments in them", "geometry",
         ("ROUNDED", "Rounded", "Smooth walls that end in the middle of the crack"),
         ("BROKEN", "Broken", "Steep, chipped walls, and fallen fragments of ice on the floor"),
+        ("JOINTED", "Jointed", "Straight cracks with steep walls of plane faces that meet at corners, and fallen "
+         "fragments of ice on the floor"),
         since="0.3")
 
 
@@ -70,11 +72,13 @@ class ChaosSettings(Table, label="Chaos", parent=LANDFORMS, turned_on_by="relief
         "Tilt", 8.0, 0.0, 60.0, "Largest slope of the top of a plate toward east or north", "geometry", (0.0, 30.0))
     matrix_m: float = metres(
         "Matrix Relief", 0.0, 0.0, 1000.0, (0.0, 2.0), "RMS height of the lumps between the plates", "geometry")
-    edges: Literal["ROUNDED", "BROKEN"] = choice(
+    edges: Literal["ROUNDED", "BROKEN", "JOINTED"] = choice(
         "Edges", "ROUNDED", "Shape of the edges of plates, and the ice between them", "geometry",
         ("ROUNDED", "Rounded", "Bent edges, scarps of 60 degrees with smooth rims, and lumps between"),
         ("BROKEN", "Broken", "Straight, chipped edges, scarps of 80 degrees with sharp rims, and tilted fragments of "
          "ice between"),
+        ("JOINTED", "Jointed", "As Broken, but scarps are plane faces that meet at corners, with pieces spalled off "
+         "the rims"),
         since="0.3")
 
 
@@ -139,6 +143,9 @@ class PenitentesSettings(Table, label="Penitentes", parent=LANDFORMS, turned_on_
     disorder: float = fraction(
         "Disorder", 0.0, "Variation of height between groups of blades, and of spacing and lean between blades; 0 for "
         "rows that are alike everywhere", "geometry", since="0.3")
+    wander: float = number(
+        "Wander", 0.5, 0.0, 2.0, (0.0, 1.0), "Sideways wandering of the rows, in spacings; 0 for parallel "
+        "rows in planes through the path of the Sun", "geometry", "spacings", since="0.4")
     noon_azimuth_deg: float = degrees(
         "Noon Sun", 0.0, -360.0, 360.0, "Azimuth of the noon Sun. Blades lean toward it, and rows run at right angles "
         "to it", "geometry")

@@ -288,6 +288,10 @@ class SurfaceSettings(Table, label="Ice"):
         "Patchy Grain", 0.0, "Variation of the fine relief's height from place to place, at the same RMS height: 0 is "
         "equally rough everywhere, 1 has smooth places beside rough places", "material", section=GRAIN,
         active=positive("grain_amplitude_m"), since="0.3")
+    grain_patch_limit: float = number(
+        "Patch Limit", 0.0, 0.0, 6.0, (0.0, 3.0), "Largest deviation of a patch of grain from the usual roughness, in "
+        "standard deviations; 0 for no limit", "material", "σ", zero="none", section=GRAIN,
+        active=positive("grain_amplitude_m") & positive("grain_patchiness"), since="0.4")
     relief: Literal["BUMP", "DISPLACEMENT", "REAL"] = choice(
         "Fine Relief", "REAL", "Method that makes the fine relief", "material",
         ("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),

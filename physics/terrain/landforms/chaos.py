@@ -3,9 +3,10 @@
 Conamara Chaos on Europa has plates of kilometres standing up to hundreds of metres above a matrix
 (Carr et al. 1998, Nature 391, 363); the pattern is used here at whatever scale is asked for.
 
-Plates have one of two kinds of edges. **Rounded**: edges bend, scarps of 60 degrees end smoothly, and the matrix is
+Plates have one of three kinds of edges. **Rounded**: edges bend, scarps of 60 degrees end smoothly, and the matrix is
 lumps. **Broken**: straight edges that fit their neighbours', with chips, scarps of 80 degrees with sharp rims, and a
-matrix of tilted fragments as between floes of broken sea ice. No image shows either moon at metres: both are guesses.
+matrix of tilted fragments as between floes of broken sea ice. **Jointed**: as broken, but walls are plane faces that
+meet at corners. No image shows either moon at metres: all are guesses.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from ....settings.topics.landforms import ChaosSettings
 from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
+from .joints import JointedWall
 from .landform import (
     Landform,
     Walls,
@@ -31,17 +33,21 @@ from .landform import (
 )
 
 #: Slope of the plates' scarps by kind of edge; debris at the foot keeps rounded scarps from being steeper.
-_SCARP_SLOPE = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
+_SCARP_SLOPE = {"ROUNDED": math.tan(math.radians(60.0))} | dict.fromkeys(
+    ("BROKEN", "JOINTED"), math.tan(math.radians(80.0))
+)
 #: Height of the lowest plate, as a share of the relief.
 _LOWEST_PLATE = 0.5
 #: RMS of the matrix by kind of edge: three octaves of noise, or fragments.
-_MATRIX_RMS = {"ROUNDED": 0.350, "BROKEN": 0.2055}
+_MATRIX_RMS = {"ROUNDED": 0.350, "BROKEN": 0.2055, "JOINTED": 0.2055}
 #: Widths of the fragments between broken plates, in plates, from large to small; heights are proportional.
 _FRAGMENT_WIDTHS = (0.28, 0.11, 0.04)
 #: Slope of a fragment's sides.
 _FRAGMENT_SLOPE = 2.2
 #: Widths of the chips of broken edges, in plates.
 _CHIP_WIDTHS = (0.09, 0.16, 0.26)
+#: Widths of the faces of jointed walls and lengths of the spalls at their rims, in plates.
+_FACE_WIDTH, _SPALL_LENGTHS = 0.3, (0.16, 0.07)
 
 
 def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) -> Landform | None:
@@ -53,10 +59,14 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
         return None
     scarp = max(relief / _SCARP_SLOPE[edges], 0.02 * plate)
     tilt = math.tan(math.radians(settings.tilt_deg))
+    joints = JointedWall(gap / 2 / plate, scarp / plate, max(relief, 1.0e-9) / plate, _FACE_WIDTH, _SPALL_LENGTHS)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         v, u = rotate_coordinates(x_m / plate, y_m / plate, 0.0)
-        if edges == "BROKEN":
+        if edges == "JOINTED":
+            cells = find_voronoi_cells(u, v, keys[2])
+            inside = joints.step(cells.edge_distance(), u, v, keys[13:])
+        elif edges == "BROKEN":
             cells = find_voronoi_cells(u, v, keys[2])
             inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIP_WIDTHS, keys[13:])
         else:
@@ -73,9 +83,10 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
         return low + inside * (top - low)
 
     def matrix(u: Array, v: Array) -> Array:
-        return _fragment_heights(u, v, keys[10:13]) if edges == "BROKEN" else _lump_heights(u, v, keys[7:10])
+        return _fragment_heights(u, v, keys[10:13]) if edges != "ROUNDED" else _lump_heights(u, v, keys[7:10])
 
-    return Landform(scarp, heights, walls=Walls(relief, keys[13]) if edges == "BROKEN" and relief else None)
+    walls = Walls(relief, keys[13]) if edges != "ROUNDED" and relief else None
+    return Landform(scarp, heights, walls=walls)
 
 
 def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:

@@ -19,8 +19,6 @@ from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .landform import Crests, Landform, draw_key, rotate_coordinates, sample_shifted_noise, smooth_step
 
-#: Sideways wandering of the rows, in spacings.
-_WANDER = 0.5
 #: Wavelength of the wandering, in blade lengths.
 _WANDER_WAVELENGTH = 1.2
 #: Largest random offset of a row's crest from the middle between its troughs, in spacings.
@@ -98,7 +96,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     if height == 0.0:
         return None
     more = [draw_key(random) for _ in range(3)]
-    disorder, length = settings.disorder, spacing * settings.elongation
+    disorder, wander, length = settings.disorder, settings.wander, spacing * settings.elongation
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
     lean = min(lean, _MAX_LEAN - _CREST_OFFSET)
 
@@ -109,7 +107,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
         wide, narrow = sample_shifted_noise(u, v, keys[4]), sample_shifted_noise(2.3 * u, 2.3 * v, keys[5])
-        place = across / spacing + _WANDER * wide + 0.5 * _WANDER * narrow
+        place = across / spacing + wander * wide + 0.5 * wander * narrow
         if disorder:
             over = _ROW_SHIFT_WAVELENGTH * spacing
             place = place + disorder * _ROW_SHIFT * sample_shifted_noise(along / over, across / over, more[0])

@@ -11,7 +11,7 @@ from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.ground.terrain_mesh import SPACING, mark_relief_as_bump
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness
+from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness, measure_limited_patches
 from icymoon.nodes.tree.builder import Tree, list_non_socket_values
 from icymoon.physics.mesh.finer_in_view import resolved_share
 from icymoon.render import cycles_settings
@@ -177,6 +177,33 @@ def test_patchy_grain_has_smooth_places_beside_rough_ones_at_the_same_height():
     spread, before = (np.log(of_squares(field)).std() for field in (patchy, even))
     assert before < 0.2
     assert 0.25 < spread < 0.45  # patches narrower than a square even out
+
+
+@pytest.mark.parametrize("limit", [0.5, 2.0, 6.0])
+@pytest.mark.parametrize("patchiness", [0.3, 0.7, 1.0])
+def test_mean_square_of_limited_patches_is_the_integral_over_a_clipped_gaussian(patchiness, limit):
+    """The sum over a fine grid of deviations. A limit of 6 is as good as none: exp(2 s²)."""
+    g = np.linspace(-9.0, 9.0, 200001)
+    density = np.exp(-g * g / 2.0) / np.sqrt(2.0 * np.pi) * (g[1] - g[0])
+    expected = np.sum(density * np.exp(2.0 * patchiness * np.clip(g, -limit, limit)))
+    found = measure_limited_patches(patchiness, limit)
+    assert found == pytest.approx(expected, rel=1e-4)
+    if limit == 6.0:
+        assert found == pytest.approx(np.exp(2.0 * patchiness**2), rel=2e-3)
+
+
+def test_limited_patches_have_no_rougher_places_and_the_same_height():
+    """The factor is at most exp(s c) over the root of its mean square; without a limit, some of 225 patches are at 2.5
+    deviations or more. Tolerances of the height as without a limit."""
+    even, free, limited = (
+        height_of_grain(1, node, 24.0, grain_patchiness=share, grain_patch_limit=limit)
+        for node, share, limit in (("Grain Height", 0.0, 0.0), ("Multiply.001", 0.7, 0.0), ("Multiply.001", 0.7, 1.5))
+    )
+    assert limited.std() == pytest.approx(even.std(), rel=0.17)
+    factor = [np.abs(field / even)[np.abs(even) > 0.02] for field in (free, limited)]
+    greatest = np.exp(0.7 * 1.5) / np.sqrt(measure_limited_patches(0.7, 1.5))
+    assert factor[1].max() <= greatest * 1.01 < factor[0].max()
+    assert factor[1].min() == pytest.approx(greatest * np.exp(-2.0 * 0.7 * 1.5), rel=0.05)
 
 
 def test_grain_is_of_a_span_and_told_apart_by_the_seed():

@@ -471,8 +471,25 @@ def test_rocks_of_low_ground_lie_between_plates_as_they_did(debris):
     np.testing.assert_array_equal(every.position_m[same], some.position_m)
     x, y = every.position_m[:, :2].T
     between = (np.mod(x, 4.0) > 3.2) & (np.mod(x, 4.0) < 3.8)
-    assert np.isin(np.flatnonzero(between), same).all()
+    rock = np.arange(len(between)) < every.debris_start
+    assert np.isin(np.flatnonzero(between & rock), same).all()
     assert some.debris_start == np.sum(np.array(same) < every.debris_start)
+
+
+def test_debris_on_low_ground_is_of_rocks_that_are_there():
+    """Fragments lie beside their rocks: beyond the outline, at an exponential distance whose mean is a twentieth of the
+    diameter at most; beyond one diameter, one in e^20 would lie. Slopes leave out
+    none here."""
+    found = strewn(
+        plates, coverage=0.3, largest_m=0.8, debris=0.3, debris_reach=0.1, low_ground_m=2.0, rolling_deg=89.0
+    )
+    rocks, fragments = (
+        found.position_m[part, :2] for part in (np.s_[: found.debris_start], np.s_[found.debris_start :])
+    )
+    size = found.diameter_m[: found.debris_start]
+    away = np.hypot(*(fragments[:, None] - rocks).T).T - found.reach_m[: found.debris_start] - size
+    assert len(fragments) > 50
+    assert (away.min(axis=1) < 0.0).all()
 
 
 def test_a_steep_wall_of_low_ground_holds_no_rock():

@@ -87,6 +87,29 @@ def test_blades_lean_toward_the_noon_sun(azimuth, lean):
     assert rising == pytest.approx(expected, abs=0.025)
 
 
+@pytest.mark.parametrize("azimuth", [0.0, 70.0])
+def test_rows_of_penitentes_wander_in_proportion_to_the_setting(azimuth):
+    """The signed distance from a crest changes along a row by as much as the row wanders, and not at all in planes
+    through the path of the Sun."""
+
+    def drift(wander):
+        made = _made("penitentes", height_m=2.0, spacing_m=1.0, noon_azimuth_deg=azimuth, wander=wander)
+        assert made.crests is not None
+        across, along = np.meshgrid(np.linspace(-9.0, 9.0, 61), np.linspace(-9.0, 9.0, 61))
+        sin, cos = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
+
+        def distance(t):  # a row runs at right angles to the azimuth
+            return made.crests.lines[0](sin * across + cos * (along + t), cos * across - sin * (along + t))
+
+        change = (distance(1e-4) - distance(0.0)) / 1e-4
+        return np.sqrt(np.mean(np.square(change[np.abs(change) < 100.0])))  # not where the next row begins
+
+    none, little, usual = (drift(wander) for wander in (0.0, 0.1, 0.5))
+    assert none < 1e-9
+    assert usual == pytest.approx(5.0 * little, rel=0.05)
+    assert usual > 0.3
+
+
 def test_disorder_gives_groups_of_different_heights_at_the_same_tallest():
     mades = [_made("penitentes", height_m=2.0, spacing_m=1.0, variation=0.0, disorder=d) for d in (0.0, 1.0)]
     even, mixed = (_grid(made, 40.0, 801)[0] for made in mades)
