@@ -317,7 +317,7 @@ def _lay_at_rest(
 
 
 def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_m: float) -> _Drawn:
-    """The drawn rocks that are on low ground, and what of their debris is: rocks that are left out shed nothing."""
+    """Choose the drawn rocks on low ground, and their debris on low ground. Rocks that are left out shed nothing."""
     debris = list[_LooseRocks]()
     for part, shed_at_m in zip(drawn.debris, drawn.shed_at_m, strict=True):
         parents, parent = np.unique(shed_at_m, axis=0, return_inverse=True)
@@ -328,8 +328,8 @@ def _choose_all_low(drawn: _Drawn, surface: HeightAt, skirted: HeightAt, radius_
 
 
 def _is_low(places_m: Array, surface: HeightAt, radius_m: float) -> Array:
-    """Whether ground at places (n, 2) is lower than its surroundings by more than rounding, which differs between
-    machines."""
+    """Return whether the ground at places (n, 2) is lower than its surroundings by more than rounding, which differs
+    between machines."""
     return np.asarray(surface(*places_m.T) < _level_around(places_m, surface, radius_m) - _LEAST_LOW * radius_m)
 
 
