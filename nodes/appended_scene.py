@@ -41,8 +41,8 @@ def untag_later_builds(scene: bpy.types.Scene) -> None:
 
 
 def adopt_appended(scene: bpy.types.Scene) -> Built | None:
-    """Give a scene the camera of a built collection that was appended to it, and a black sky; None without such a
-    collection."""
+    """Give a scene the camera of a built collection that was appended to it, and a black sky. Return the built scene;
+    None without such a collection."""
     built = find_built(scene)
     if built is None or before_build.is_known(scene):
         return None

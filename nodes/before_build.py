@@ -22,12 +22,12 @@ WORLD, CAMERA, VIEW, OSL = _PROPERTIES = (
 
 
 def is_known(scene: bpy.types.Scene) -> bool:
-    """Whether the scene stores its state from before Build Scene."""
+    """Return whether the scene stores its state from before Build Scene."""
     return VIEW in scene
 
 
 def _is_built(block: bpy.types.ID) -> bool:
-    """Whether Build Scene made a camera or a world in this file."""
+    """Return whether Build Scene made this camera or world in this file."""
     return TAG in block and block.library is None and block.override_library is None
 
 
@@ -50,12 +50,12 @@ def note_before_build(scene: bpy.types.Scene) -> None:
 
 
 def used_osl_before_build(scene: bpy.types.Scene) -> bool:
-    """Whether the scene used Open Shading Language before Build Scene."""
+    """Return whether the scene used Open Shading Language before Build Scene."""
     return bool(scene.get(OSL, False))
 
 
 def restore_before_build(scene: bpy.types.Scene) -> None:
-    """Restore the view, and the camera and the world unless the user has set others, and forget them."""
+    """Restore the noted view, and the noted camera and world unless the user has set others; then remove the notes."""
     stored: Any = scene.get(VIEW)
     if stored is not None:
         scene.view_settings.exposure, *resolution = stored

@@ -127,7 +127,8 @@ def _has_same_edits(built: Built, pair: Pair) -> Steps[bool]:
 
 @dataclass(frozen=True)
 class MeshesToPaint:
-    """Arrays of a built scene's ground and rocks, from which any thread can find their errors."""
+    """Mesh arrays of the ground and rocks of a built scene. They hold no Blender data, so any thread can find their
+    errors."""
 
     to_world: Array  # (4, 4), from the ground's coordinates to the world's
     position: Array  # (n, 3) float32, of the ground's vertices in its coordinates, m
@@ -450,7 +451,7 @@ def _find_seen_rocks(
 
 
 def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array) -> Array:
-    """How often the triangles of each instance must be divided to be narrow in the images."""
+    """Count how often the triangles of each instance must be divided to be narrow in the images."""
     longest = np.zeros(len(matrices))
     step = max(1, _AT_ONCE // max(1, len(corners)))
     for errors in found:
@@ -514,8 +515,8 @@ def _build_copies(copies: Copies) -> bpy.types.Object:
 
 
 def refuse_other_ground(built: Built, of_vertices: Array, *items: bpy.types.Object | None) -> None:
-    """Raise IcyMoonError if values ``of_vertices`` (n, …) are not of the built ground, or if some of the ``items`` that
-    were made for it are gone."""
+    """Raise IcyMoonError if ``of_vertices`` (n, …) has another number of vertices than the built ground, or if some of
+    the ``items`` that were made for it are gone."""
     if len(built.terrain.data.vertices) != len(of_vertices):
         raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
     try:

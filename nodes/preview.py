@@ -84,9 +84,8 @@ _CHANGED_MESSAGE = "Preview: press Build Scene"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on settings that the scene does not show or shows as a preview, and warnings about the fine ground that
-    replaced a coarse ground.
-    """
+    """Read sentences on settings that the scene does not show or shows as a preview, and warnings about the fine ground
+    that replaced a coarse ground."""
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
@@ -105,12 +104,12 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def lacks_trench(scene: bpy.types.Scene) -> bool:
-    """Whether the scene shows a preview without the trench of its settings."""
+    """Return whether the scene shows a preview without the trench of its settings."""
     return _UNDUG_MESSAGE in read_notes(scene)
 
 
 def has_coarse_ground(scene: bpy.types.Scene) -> bool:
-    """Whether the ground that is seen is the coarse one of a preview."""
+    """Return whether the ground that is seen is the coarse one of a preview."""
     collection = scenes.find_collection(scene)
     return collection is not None and "terrain" in read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
 
@@ -160,7 +159,8 @@ def mark_as_preview(built: scenes.Built, settings: Settings) -> None:
 
 
 def find_preview_of(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
-    """The built scene if it is a preview whose fine ground will follow; None if the ground's settings changed."""
+    """Find the built scene if it is a preview whose fine ground will follow; None for another scene, or if the ground's
+    settings changed."""
     built = scenes.find_built(scene)
     marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
@@ -247,7 +247,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         is_ground = any(part.startswith("terrain") for part in by_hand)
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MAX_MOVED_ROCKS)
-    rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
+    rocks = _scatter_largest_rocks(settings, ground.surface) if settings.rocks.coverage > 0 else None
     check_shelter(settings)
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear_painted(built.scene)  # the painted errors are of the previous ground
@@ -269,8 +269,8 @@ def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]
     return find_rock_shapes(rocks, int(settings.dataset.seed))[-1:]
 
 
-def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
-    """The rocks of the settings that look largest, with the coarsest shapes."""
+def _scatter_largest_rocks(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
+    """Scatter the rocks of the settings that look largest, with the coarsest shapes."""
     rocks, rig = make_paths_absolute(settings).rocks, settings.rig
     step_m = compute_vertex_spacing_m(settings.terrain)
 
@@ -408,7 +408,7 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
 
 
 def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
-    """Change the lights according to ``settings``; a sentence if the sky cannot be computed."""
+    """Change the lights according to ``settings``; return a sentence if the sky cannot be computed."""
     try:
         sky = compute_scene_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
@@ -453,18 +453,19 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
-def _has_moved(built: scenes.Built, rig: RigSettings) -> bool:
-    """Whether the ground under the cameras of ``rig`` may be another than under the rig of the build."""
+def _has_site_changed(built: scenes.Built, rig: RigSettings) -> bool:
+    """Return whether the ground under the cameras of ``rig`` may differ from the ground under the rig of the build."""
     of_build = built.settings.rig
     return (rig.x_m, rig.y_m) != (of_build.x_m, of_build.y_m) or "ZERO" in (rig.height_from, of_build.height_from)
 
 
 def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None) -> float:
-    """Height in metres of the ground under the cameras of ``settings``, on ``ground`` if it has been made already.
+    """Find the height in metres of the ground under the cameras of ``settings``, on ``ground`` if it has been made
+    already.
 
     On ground from a file, away from the site where it was built, the height is read from the mesh and only approximate.
     """
-    rig, moved = settings.rig, _has_moved(built, settings.rig)
+    rig, moved = settings.rig, _has_site_changed(built, settings.rig)
     if not is_from_file(settings):
         if not moved and ground is None and not set(built.preview) - {"rig"}:
             return built.site_m
@@ -481,7 +482,7 @@ def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None
 def _show_rig(built: scenes.Built, settings: Settings, site_m: float) -> None:
     """Move the camera to the site of ``settings``, where the ground has the height ``site_m`` in metres."""
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
-    built_rig, moved = built.settings.rig, _has_moved(built, settings.rig)
+    built_rig, moved = built.settings.rig, _has_site_changed(built, settings.rig)
     if not is_from_file(settings):
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(

@@ -24,12 +24,12 @@ def begin_collection(scene: bpy.types.Scene, name: str, role: str) -> bpy.types.
 
 
 def find_collections(scene: bpy.types.Scene, role: str) -> list[bpy.types.Collection]:
-    """The collections of a scene with this role."""
+    """Find the collections of a scene with this role."""
     return [each for each in scene.collection.children if each.get(TAG) == role]
 
 
 def list_shown(scene: bpy.types.Scene, role: str) -> list[bpy.types.Object]:
-    """The objects that are shown in a scene with this role, without the user's own."""
+    """List the objects that are shown in a scene with this role, without the user's own."""
     return [item for each in find_collections(scene, role) for item in each.objects if item.get(TAG) == role]
 
 

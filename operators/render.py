@@ -94,7 +94,7 @@ def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Buil
 def _find_whether_edited(scene_uid: int) -> Steps[bool]:
     """Whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be detected."""
     built = _find_traceable(require_scene(scene_uid))
-    return built is not None and (yield from built.find_whether_edited())
+    return built is not None and (yield from built.is_edited_in_steps())
 
 
 def require_scene(scene_uid: int) -> bpy.types.Scene:
@@ -152,7 +152,7 @@ def plan_pairs_in_steps(scene: bpy.types.Scene, settings: Settings) -> Steps[lis
         scenes.separate_from_copies(built)
     # Reading the marks of a full ground takes 0.2 s, so they are read only once.
     if built is not None and (
-        not scenes.list_changed_settings(built, settings) or (yield from built.find_whether_edited())
+        not scenes.list_changed_settings(built, settings) or (yield from built.is_edited_in_steps())
     ):
         return expand_headings(settings, (yield from built.find_extra()))
     return expand_headings(settings, scenes.make_build_facts(settings))

@@ -24,13 +24,13 @@ _LIFT = 0.25
 
 
 def find_sheet(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The sheet of a scene; None without a sheet, and if the number of its vertices was changed by hand."""
+    """Find the sheet of a scene; None without a sheet, or if the number of its vertices was changed by hand."""
     items = (item for item in scene.objects if _MARK in item and item.type == "MESH")
     return next((item for item in items if len(item.data.vertices) == SIDE**2), None)
 
 
 def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -> bpy.types.Object:
-    """The sheet of a scene, laid on a ground over the square with sides of ``size_m`` metres about the origin. An
+    """Lay the sheet of a scene on a ground, over the square with sides of ``size_m`` metres about the origin. An
     existing sheet keeps its weights."""
     sheet = find_sheet(scene)
     if sheet is None:
@@ -41,7 +41,7 @@ def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -
     with probe_heights(ground) as height_at:
         heights = height_at(x_m, y_m)
     heights = np.where(np.isnan(heights), np.nanmin(heights) if np.isfinite(heights).any() else 0.0, heights)
-    z_m = _find_highest(heights) + _LIFT * size_m / SIDE
+    z_m = _find_highest_neighbours(heights) + _LIFT * size_m / SIDE
     places = np.stack([x_m, y_m, z_m], axis=-1).astype(np.float32)
     sheet.data.vertices.foreach_set("co", places.ravel())
     sheet.data.update()
@@ -56,15 +56,15 @@ def _make_grid() -> bpy.types.Mesh:
     return mesh
 
 
-def _find_highest(heights: Array) -> Array:
-    """The maximum of each value (n, n) and its neighbours."""
+def _find_highest_neighbours(heights: Array) -> Array:
+    """Return, for each value of an array (n, n), the maximum of the value and its neighbours."""
     padded = np.pad(heights, 1, mode="edge")
     n = len(heights)
     return np.max([padded[i : i + n, j : j + n] for i in range(3) for j in range(3)], axis=0)
 
 
 def read_shares(sheet: bpy.types.Object, group: str) -> Array:
-    """The weights (SIDE, SIDE) of a vertex group, north first; 0 where a vertex is not in it."""
+    """Read the weights (SIDE, SIDE) of a vertex group, north first; 0 where a vertex is not in it."""
     index = sheet.vertex_groups[group].index
     shares = np.zeros(SIDE**2)
     for k, vertex in enumerate(sheet.data.vertices):

@@ -22,8 +22,8 @@ _SELECTIONS = (".select_vert", ".select_edge", ".select_poly")
 
 
 def take_edges(ground: bpy.types.Object) -> dict[str, Array]:
-    """Remove the edges of an object's mesh with their attributes, and return the arrays of these, for ``give_edges``.
-    Do not use the mesh before that.
+    """Remove the edges of an object's mesh with their attributes, and return their arrays for ``give_edges``. Do not
+    use the mesh in between.
 
     A mesh with vertex groups, shape keys, custom normals or attributes of unknown types stays as it is; then the result
     is empty.
