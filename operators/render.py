@@ -16,7 +16,7 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..physics.scene_checks import find_reasons_without_file
-from ..render.cost.blender_abilities import Abilities, describe_lack_for_quality
+from ..render.cost.blender_abilities import Abilities, explain_unavailable_quality
 from ..render.cost.measure_speed import read_speed_of_pair
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
@@ -181,7 +181,7 @@ def explain_missing_denoiser(scene: bpy.types.Scene) -> str:
     """A sentence that this Blender lacks the denoiser of a scene, with the fix; empty if it has it. Graphics cards are
     not looked for, since panels ask at each redraw."""
     quality = scene_properties.read_for_display(scene.icymoon).quality
-    return describe_lack_for_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
+    return explain_unavailable_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
 
 
 class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):

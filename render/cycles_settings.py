@@ -12,7 +12,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from .cost.blender_abilities import Abilities, describe_lack, describe_lack_for_quality
+from .cost.blender_abilities import Abilities, describe_lack, explain_unavailable_quality
 from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2
@@ -70,7 +70,7 @@ def find_missing_feature(settings: Settings) -> str:
 
 def check_possible(quality: QualitySettings) -> None:
     """Raise IcyMoonError if this Blender cannot render at this quality."""
-    if lack := describe_lack_for_quality(quality, detect_abilities(quality)):
+    if lack := explain_unavailable_quality(quality, detect_abilities(quality)):
         raise IcyMoonError(lack)
 
 

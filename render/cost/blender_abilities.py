@@ -46,7 +46,7 @@ def query_abilities(blender: str) -> Abilities:
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
-def describe_lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
+def explain_unavailable_quality(quality: QualitySettings, able: Abilities) -> str:
     """A sentence on what a Blender lacks for these quality settings, with the fix; empty if it lacks nothing."""
     if quality.denoiser != "NONE" and not able.denoiser:
         return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
@@ -67,7 +67,7 @@ def describe_lack(settings: Settings, able: Abilities) -> str:
         return (
             "This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official build."
         )
-    return describe_lack_for_quality(settings.quality, able)
+    return explain_unavailable_quality(settings.quality, able)
 
 
 def needs_full_build(settings: Settings) -> bool:
