@@ -81,9 +81,8 @@ class IndirectLight:
     spent_s: float = 0.0
 
     def to_json(self, shares: Mapping[str, Mapping[str, float]], noise_of_image: float | None) -> dict[str, Any] | None:
-        """The entry of ``pair.json``: the shares of baked light in the images by eye and light group, and the noise of
-        baked light over all light in the left image. None if the settings ask for traced light.
-        """
+        """Return the entry of ``pair.json``. It has the shares of baked light in the images by eye and light group, and
+        the noise of baked light over all light in the left image. None if the settings ask for traced light."""
         if not self.lights:
             tried = {group: {"file": kept.file, "sha256": kept.sha256} for group, kept in self.tried.items()}
             stated = {"method": "TRACED", "why": self.why_traced, **({"tried": tried} if tried else {})}
@@ -158,7 +157,7 @@ def provide_baked_light(
 
 
 def _find_light_groups(built: Built) -> dict[str, list[bpy.types.Object]]:
-    """The light groups that light the ground, each with the lamps of the other groups."""
+    """Find the light groups that light the ground, each with the lamps of the other groups."""
     shine = built.planetshine
     if shine is None:
         return {"Sun": []}
@@ -175,7 +174,7 @@ def _find_or_bake(
     dark: list[bpy.types.Object],
     seen: Array | None,
 ) -> tuple[StoredLight, float]:
-    """A light group's baked light, and the processor seconds that this call took."""
+    """Find or bake the light of a light group. Return it, and the processor seconds that this call took."""
     rocks = built.rocks
     return shared.get(
         make_bake_key(built, settings, group, seen),
@@ -186,7 +185,7 @@ def _find_or_bake(
 
 
 def _find_why_unsuitable(built: Built) -> str:
-    """The reason why the built scene cannot use baked light, as a clause; empty if it can."""
+    """Find the reason why the built scene cannot use baked light, as a clause; empty if it can."""
     if find_added_objects(built.collection):
         return "objects without baked light were added to the scene"
     if built.edited_parts("terrain object", "terrain materials"):
@@ -201,7 +200,7 @@ def _find_why_unsuitable(built: Built) -> str:
 
 
 def find_visible_facets(built: Built, planned: PlannedPair) -> Array:
-    """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
+    """Find the facets of the ground that the cameras of a pair may see, as bool (facets,)."""
     mesh, camera = built.terrain.data, built.camera
     with turn_about_eye(camera, planned.turn_deg):
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
@@ -211,7 +210,7 @@ def find_visible_facets(built: Built, planned: PlannedPair) -> Array:
 
 
 def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
-    """Which vertices are corners of some facets, bool (vertices,)."""
+    """Find the vertices that are corners of some facets, as bool (vertices,)."""
     _, counts, corners, _ = texel_bakes.read_facets(mesh)
     found = np.zeros(len(mesh.vertices), bool)
     found[corners[np.repeat(facets, counts)]] = True
@@ -219,8 +218,8 @@ def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
 
 
 def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
-    """The key of baked light, 12 hexadecimal digits of all that the light depends on: ground, surface, lights, bounces,
-    seed and samples, the light group, and the facets that are ``seen`` if only some are baked.
+    """Make the key of baked light: 12 hexadecimal digits of all that the light depends on. This is ground, surface,
+    lights, bounces, seed and samples, the light group, and the facets that are ``seen`` if only some are baked.
 
     The mesh of a graded ground is made for the rig, so there the rig counts too; otherwise heading, rig and sensor do
     not.
@@ -251,7 +250,8 @@ def _bake_halves(
     triangles: Array,
     eye: Array,
 ) -> tuple[Array, list[Array], int]:
-    """Direct light, two halves of the indirect light with different seeds, and the number of samples of each half.
+    """Bake the direct light, and two halves of the indirect light with different seeds. Return them, and the number of
+    samples of each half.
 
     ``run`` bakes each: a few samples at first, then as many more as the noise limit requires.
     """
@@ -283,9 +283,9 @@ def bake_indirect_light(
     ``dark``; see ``BakedLight``.
 
     Only vertices of facets that are ``seen`` (facets,) get light; other vertices have 0. Light is baked in two halves
-    with different seeds, whose difference is the noise: first with few samples, then with as many more as the noise
-    requires. Half of that difference has the same variance as the error of their mean, between vertices too. Raises
-    IcyMoonError if Cycles cannot bake.
+    with different seeds, whose difference is the noise. Each half has few samples at first, then as many more as the
+    noise limit requires. Half of the difference has the same variance as the error of their mean, between vertices too.
+    Raises IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality
@@ -338,7 +338,7 @@ def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def _find_covered_texels(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
-    """Which texels (n,) of the ground are inside rocks, where no ray escapes."""
+    """Find the texels of the ground inside rocks, where no ray escapes, as bool (n,)."""
     return bake_texels("AO", _OPEN_SKY_SAMPLES, seed)[:, :3].max(axis=1) <= 0
 
 
@@ -369,8 +369,8 @@ def _bake_rocks(
 def _open_bake(
     item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: Array
 ) -> Iterator[tuple[baked_texels.Texels, Callable[[str, int, int], Array]]]:
-    """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
-    bakes light over pi to them (n, 4), while the object has no fine relief."""
+    """Yield the texels of an object around the vertices that are to be ``lit``, and a function that bakes to them while
+    the object has no fine relief. The function takes kind, samples and seed, and returns light over pi (n, 4)."""
     mesh = item.data
     found = texel_bakes.lay_out_mesh_texels(mesh, lit)
     with ExitStack() as undo:
@@ -390,7 +390,7 @@ def _open_bake(
 
 
 def _find_rendered_triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
-    """Vertices (n, 3) of the triangles into which Cycles divides a mesh, or its facets that are ``seen``."""
+    """Find the vertices (n, 3) of the triangles into which Cycles divides a mesh, or its facets that are ``seen``."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 

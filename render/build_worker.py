@@ -1,8 +1,8 @@
 """The program that builds a scene in a separate Blender, so that the window stays usable.
 
-    __main__.py build JOB.json SCENE.blend
+__main__.py build JOB.json SCENE.blend
 
-The job is a job of ``worker``, of which the settings count.
+The job has the form of a job of ``worker``; only its settings count.
 """
 
 from __future__ import annotations

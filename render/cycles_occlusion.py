@@ -37,12 +37,13 @@ def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Ar
 
 
 def read_disparity(data: bytes, camera: StereoCamera) -> Array:
-    """Disparity (H, W), px, from the depth in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
+    """Read the disparity (H, W), px, from the depth in an EXR file; NaN for sky. Raises the errors of
+    ``add_hidden_pass``."""
     return camera.disparity(read_depth(data))
 
 
 def read_depth(data: bytes) -> Array:
-    """Depth (H, W), m, in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
+    """Read the depth (H, W), m, in an EXR file; NaN for sky. Raises the errors of ``add_hidden_pass``."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):

@@ -57,14 +57,13 @@ _RENDER_SETTINGS: dict[str, Any] = {
 
 
 def detect_abilities(quality: QualitySettings) -> Abilities:
-    """Abilities of this Blender. Graphics cards are looked for only if the quality asks for them, because the search
-    selects them.
-    """
+    """Detect the abilities of this Blender. Graphics cards are looked for only if the quality asks for them, because
+    the search selects them."""
     return Abilities(compat.has_osl(), compat.has_oidn(), quality.device != "GPU" or bool(select_cards()))
 
 
 def find_missing_feature(settings: Settings) -> str:
-    """The feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
+    """Find a feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
     return describe_lack(settings, detect_abilities(settings.quality))
 
 

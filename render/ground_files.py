@@ -45,9 +45,8 @@ def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) 
 
 
 def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
-    """Facts on the site's frame, for a file beside the ground's files. ``ground`` is the report of the ground, with its
-    place on a map.
-    """
+    """Make the facts on the site's frame, for a file beside the ground's files. ``ground`` is the report of the ground,
+    with its place on a map."""
     place = describe_map_place(ground)
     zero = (
         f"the height {place['height_zero_m']!r} m of the ground's file"

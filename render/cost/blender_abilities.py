@@ -26,7 +26,8 @@ class Abilities:
 
 
 def probe_blender(blender: str) -> dict[str, Any]:
-    """The report of a Blender, or of a Python with ``bpy``, about itself: the output of ``render/probe_blender.py``.
+    """Return the report of a Blender, or of a Python with ``bpy``, about itself: the output of
+    ``render/probe_blender.py``.
 
     Raises IcyMoonError if there is no report.
     """
@@ -41,13 +42,13 @@ def probe_blender(blender: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def query_abilities(blender: str) -> Abilities:
-    """The abilities of a Blender, asked once. Raises IcyMoonError if it reports nothing."""
+    """Ask a Blender for its abilities; each Blender is asked once. Raises IcyMoonError if it reports nothing."""
     facts = probe_blender(blender)
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
 def explain_unavailable_quality(quality: QualitySettings, able: Abilities) -> str:
-    """A sentence on what a Blender lacks for these quality settings, with the fix; empty if it lacks nothing."""
+    """Explain in a sentence, with the fix, why a Blender cannot render these quality settings; empty if it can."""
     if quality.denoiser != "NONE" and not able.denoiser:
         return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
     if quality.device == "GPU" and not able.gpu:
@@ -56,9 +57,8 @@ def explain_unavailable_quality(quality: QualitySettings, able: Abilities) -> st
 
 
 def describe_lack(settings: Settings, able: Abilities) -> str:
-    """A sentence on a feature that a Blender lacks for these complete settings, with the fix; empty if it lacks
-    nothing.
-    """
+    """Describe in a sentence, with the fix, a feature that a Blender lacks for these complete settings; empty if it
+    lacks nothing."""
     if (
         not able.osl
         and settings.hapke.backend == "OSL"
@@ -71,13 +71,13 @@ def describe_lack(settings: Settings, able: Abilities) -> str:
 
 
 def needs_full_build(settings: Settings) -> bool:
-    """Whether settings need a feature that some builds of Blender lack."""
+    """Return whether settings need a feature that some builds of Blender lack."""
     return bool(describe_lack(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
 def find_missing_feature(wanted: Iterable[Settings], blender: str) -> str:
-    """A sentence on a feature that a Blender lacks for some of these settings, with their number; empty if it lacks
-    nothing. Blender is started only if some of the settings need an optional feature.
+    """Find a feature that a Blender lacks for some of these settings. Return a sentence with the number of these
+    settings; empty if it lacks nothing. Blender is started only if some of the settings need an optional feature.
 
     Raises IcyMoonError if Blender reports nothing.
     """

@@ -43,9 +43,8 @@ class Tolerance:
         return " and ".join(px + bad)
 
     def allows(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
-        """Whether a matcher's ``loss`` is within the tolerance at every value in ``doubt``; None if ``doubt`` crosses
-        the limit.
-        """
+        """Return whether a matcher's ``loss`` is within the tolerance at every value in ``doubt``; None if ``doubt``
+        crosses the limit."""
         return combine_verdicts(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 
 
@@ -62,7 +61,7 @@ def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | 
 
 
 def make_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
-    """The tolerance with these limits; a mean disparity error of PX without any.
+    """Make the tolerance with these limits, or, without any, with the default mean disparity error PX.
 
     Raises IcyMoonError for a limit out of range: a smaller error is lost in noise, and with a larger error stereo is
     useless.
