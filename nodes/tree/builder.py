@@ -152,7 +152,7 @@ class Tree:
         return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
 
     def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-        """Mix a ``share`` of the colour ``b`` with the rest of ``a``, and return the output socket."""
+        """Return the mix a ``share`` of the colour ``b`` with the rest of ``a``, and return the output socket."""
         return find_output(
             self.node(
                 "ShaderNodeMix",

@@ -54,7 +54,7 @@ class BakedLight:
 
 
 def make_file_name(key: str, checksum: str) -> str:
-    """The name of a file of baked light with this key and SHA-256 checksum."""
+    """Make the name of a file of baked light with this key and SHA-256 checksum."""
     return f"{key}-{checksum[:_CONTENT_DIGITS]}.npz"
 
 
@@ -119,7 +119,7 @@ def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: 
 
 
 def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
-    """The content of a regular file with this checksum; None for a link, a missing or a changed file."""
+    """Read the content of a regular file with this checksum; None for a link, and for a missing or changed file."""
     try:
         if path.is_symlink() or path.parent.is_symlink():
             return None

@@ -7,10 +7,12 @@ PATTERN = r"camera_[A-Za-z0-9_-]{1,40}(\.truth)?\.exr"
 
 
 def image_file(name: str) -> str:
-    """The file with the image of a camera, and with its truth unless the truth has a separate file."""
+    """Return the name of the file with the image of a camera, and with its truth unless the truth has a separate
+    file."""
     return f"camera_{name}.exr"
 
 
 def truth_file(name: str) -> str:
-    """The file with the truth on the pixels of a camera whose image was rendered on other pixels."""
+    """Return the name of the file with the truth of a camera whose image was rendered with another projection, on other
+    pixels."""
     return f"camera_{name}.truth.exr"
