@@ -374,7 +374,7 @@ def _open_bake(
     mesh = item.data
     found = texel_bakes.lay_out_mesh_texels(mesh, lit)
     with ExitStack() as undo:
-        image = texel_bakes.add_target(mesh, found, undo)
+        image = texel_bakes.add_target_image(mesh, found, undo)
         for material in mesh.materials:
             _remove_relief_from_normals(material.node_tree, undo)
             texel_bakes.direct_bake_to_image(material.node_tree, image, undo)

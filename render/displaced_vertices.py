@@ -252,7 +252,7 @@ def _bake_positions(
         scene.render.threads_mode = "FIXED" if threads else "AUTO"
         if threads:
             scene.render.threads = threads
-        image = texel_bakes.add_target(mesh, found, undo)
+        image = texel_bakes.add_target_image(mesh, found, undo)
         materials = [material for material in mesh.materials if material is not None]
         for material in materials:
             texel_bakes.direct_bake_to_image(material.node_tree, image, undo)

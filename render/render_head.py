@@ -67,5 +67,6 @@ def render_head(
 
 
 def _find_truth_file(camera: HeadCamera) -> str:
-    """The file with the truth: the image's file, unless the image is rendered on other pixels."""
+    """Find the name of the file with the truth: the image's file, or a separate file if the image's projection makes
+    Cycles render it on other pixels."""
     return image_file(camera.name) if is_plain(camera.projection) else truth_file(camera.name)

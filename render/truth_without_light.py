@@ -51,9 +51,8 @@ def remove_surfaces(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
 
 
 def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
-    """Whether every ray certainly ends at a surface. A surface with a volume counts as not opaque, since rays could
-    enter.
-    """
+    """Return whether every ray certainly ends at a surface. A surface with a volume counts as not opaque, since rays
+    could enter."""
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
     return (
         not output.inputs["Volume"].links

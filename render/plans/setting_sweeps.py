@@ -104,7 +104,7 @@ def make_axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generat
 
 
 def read_count(sweep: Sweep) -> int:
-    """Read the ``count`` that a sweep must state."""
+    """Read the ``count`` that a sweep must state. Raises IcyMoonError if it is not a whole number from 1 up."""
     value = sweep.table.get("count")
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         problem = "is missing" if value is None else f"is {quote(value)}"
@@ -124,7 +124,8 @@ def check_pair_count(pairs: int, place: Place) -> None:
 
 
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
-    """The setting that a factor names."""
+    """Find the setting that a factor names. Raises IcyMoonError for an unknown setting, and for one that a sweep may
+    not vary."""
     if topic not in TOPICS:
         raise IcyMoonError(f"{place}: unknown topic {shorten(topic)}, {suggest_topic(topic, TOPICS)}")
     known = {s.key: s for s in TOPICS[topic].settings}
@@ -136,7 +137,8 @@ def _find_setting(topic: str, key: str, place: Place) -> Setting:
 
 
 def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
-    """(name, setting or None for presets, stated value, place) of each factor that a sweep varies."""
+    """Read the factors that a sweep varies: for each, its name, its setting (None for presets), its stated value and
+    its place."""
     found: list[tuple[str, Setting | None, Any, Place]] = []
     for topic, values in sweep.table.items():
         if topic in also:
@@ -172,15 +174,15 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
 
 
 def _read_part(name: str, value: object, place: Place) -> Settings:
-    """The settings that a factor's value sets."""
+    """Read the settings that a factor's value sets."""
     if name.split(".")[0] in (_PRESET_KEY, _PRESETS_KEY):
         return load_included(value, place)
     topic, key = name.split(".")
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
 
-def _read_listed(sweep: Sweep) -> list[list[Variation]]:
-    """The variations of each factor of a sweep that lists values."""
+def _list_factor_variations(sweep: Sweep) -> list[list[Variation]]:
+    """List the variations of each factor of a sweep that lists values."""
     factors = []
     for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
@@ -197,13 +199,13 @@ def _join_variations(parts: Iterable[Variation], place: Place) -> Variation:
 
 
 def _make_grid(sweep: Sweep, base: Settings) -> list[Variation]:
-    factors = _read_listed(sweep)
+    factors = _list_factor_variations(sweep)
     check_pair_count(math.prod(map(len, factors)), sweep.place)
     return [_join_variations(chosen, sweep.place) for chosen in itertools.product(*factors)]
 
 
 def _make_one_at_a_time(sweep: Sweep, base: Settings) -> list[Variation]:
-    each = [v for factor in _read_listed(sweep) for v in factor]
+    each = [v for factor in _list_factor_variations(sweep) for v in factor]
     other = [v for v in each if any(base[t][k] != x for t, values in v.settings.items() for k, x in values.items())]
     return [Variation({}, sweep.place), *other]
 
@@ -344,7 +346,7 @@ _MAKER_BY_KIND: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
 
 
 def make_setting_variations(sweep: Sweep, base: Settings) -> list[Variation]:
-    """The variations of a sweep of one of ``KINDS``, over complete settings.
+    """Make the variations of a sweep of one of ``KINDS``, over complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """

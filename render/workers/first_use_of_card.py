@@ -13,7 +13,7 @@ REPORT_INTERVAL_S, _MAX_COMPILING_S = 20.0, 1800.0
 
 
 class FirstSample:
-    """Whether Cycles has rendered anything in this process. A report that begins before does not end after."""
+    """Whether Cycles has rendered anything in this process. No report ends after the first sample has been noted."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()

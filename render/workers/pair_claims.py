@@ -120,7 +120,7 @@ class Claims:
         )
 
     def find_stated_light(self, key: str) -> dict[str, Any] | None:
-        """``sha256`` and ``cpu_seconds`` of the light in the newest claim of a key; None without any."""
+        """Find ``sha256`` and ``cpu_seconds`` of the light in the newest claim of a key; None without any."""
         claims = self._find_claims(key)
         stated = [_read_claim(claims[number]).get("light") for number in sorted(claims, reverse=True)]
         return next(filter(None, stated), None)
@@ -136,17 +136,18 @@ class Claims:
             system.remove(path)
 
     def is_held(self, pair: str) -> bool:
-        """Whether this process holds the claim of a pair."""
+        """Return whether this process holds the claim of a pair."""
         return pair in self._held and not self.is_lost(pair)
 
     def is_lost(self, pair: str) -> bool:
-        """Whether another process has taken over a claim of this process, because it considered this process dead."""
+        """Return whether another process has taken over a claim of this process, because it took this process for
+        dead."""
         path = self._held.get(pair)
         return path is not None and not self._is_mine(path)
 
     @contextmanager
     def hold(self, pair: str) -> Iterator[bool]:
-        """Claim a pair until the end of the ``with`` block; yields whether that succeeded."""
+        """Claim a pair until the end of the ``with`` block, and yield whether that succeeded."""
         taken = self.take(pair)
         try:
             yield taken
@@ -155,14 +156,14 @@ class Claims:
                 self.release(pair)
 
     def find_claimed_elsewhere(self) -> set[str]:
-        """The pairs that other living processes hold."""
+        """Find the pairs that other living processes hold."""
         found: dict[str, Path] = {}
         for path in sorted(self._list_claims(), key=_claim_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._is_mine(path) and not self._is_stale(path)}
 
     def describe_holder(self, pair: str) -> str:
-        """The holder of a pair, in words."""
+        """Describe the holder of a pair in words."""
         claims = self._find_claims(pair)
         holder = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
@@ -241,7 +242,7 @@ class Claims:
         return age > STALE_S or (age < -STALE_S and self._is_frozen_ahead(claim, touched))
 
     def _is_frozen_ahead(self, claim: Path, touched: float) -> bool:
-        """Whether a claim with a time in the future has kept that time long enough for its holder to be dead.
+        """Return whether a claim with a time in the future has kept that time long enough for its holder to be dead.
 
         The time is ahead because a clock was set back, so it does not show the age of the claim.
         """
@@ -252,7 +253,7 @@ class Claims:
         return now - known[1] > STALE_S
 
     def _read_clock(self) -> float:
-        """The time by the clock that stamps the files of this folder, possibly the clock of another machine."""
+        """Read the time by the clock that stamps the files of this folder, possibly the clock of another machine."""
         probe = make_part_path(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)

@@ -111,7 +111,7 @@ class Runner:
         self.failed: dict[str, str] = {}
 
     def run(self) -> dict[str, str]:
-        """Render until each pair is complete or set aside; return by id why pairs were set aside.
+        """Render until each pair is complete or set aside. Return by id the reasons why pairs were set aside.
 
         Raises IcyMoonError if nothing can be rendered (the disk is full, Blender does not start). All workers have
         ended at every kind of end.
@@ -150,7 +150,7 @@ class Runner:
             self._send("error", message=str(error), pair=pair.id)
 
     def _find_missing(self) -> list[PlannedPair]:
-        """The pairs that are neither complete nor set aside."""
+        """Find the pairs that are neither complete nor set aside."""
         for pair in self._pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
@@ -183,19 +183,21 @@ class Runner:
                 self._finish_worker(worker)
 
     def _find_silence_limit_s(self, worker: _Worker, silent: float) -> float:
-        """Seconds for which a worker may be silent: few if all its pairs are complete, perhaps by other processes."""
+        """Find the seconds for which a worker may be silent; they are few if all its pairs are complete, perhaps by
+        other processes."""
         idle = worker.done or (silent > _MAX_EXIT_S and not self._get_pairs_left(worker))
         return _MAX_EXIT_S if idle else self._options.silence_s
 
     def _get_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """The result of ``_find_pairs_left``, at most some seconds old."""
+        """Return the result of ``_find_pairs_left``, which may be some seconds old."""
         now = time.monotonic()
         if now - worker.looked > _POLL_PAIRS_S:
             worker.looked, worker.left = now, self._find_pairs_left(worker)
         return worker.left
 
     def _find_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """A worker's pairs that are neither complete nor set aside. A complete pair is never checked again."""
+        """Find those pairs of a worker that are neither complete nor set aside. A complete pair is never checked
+        again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)

@@ -20,8 +20,8 @@ _CONTROL_CHARACTER = re.compile(r"[\x00-\x1f\x7f]")
 
 @dataclass(frozen=True)
 class SlurmRequest:
-    """The requests of the script to SLURM: shards of the data set, how many at once (0: all), processors and memory for
-    each shard, wall time, and further options in sbatch's form."""
+    """The requests of the script to SLURM: shards of the data set, the number of shards that run at once (0: all),
+    processors and memory for each shard, wall time, and further options in sbatch's form."""
 
     shards: int
     at_once: int
