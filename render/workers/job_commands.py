@@ -126,7 +126,7 @@ class Job:
     def remove(self) -> None:
         """Delete the job's own files, and the unfinished files of a stopped worker."""
         self.discard()
-        Claims(self.dataset).clean_up()
+        Claims(self.dataset).remove_leftovers()
 
 
 def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:

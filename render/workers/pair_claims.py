@@ -168,7 +168,7 @@ class Claims:
         holder = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
-    def clean_up_after(self, pid: int) -> None:
+    def remove_leftovers_of(self, pid: int) -> None:
         """Remove the claims and the unfinished folders of an ended process of this machine."""
         for part in self._pairs.glob(f"*.{system.find_computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
@@ -177,7 +177,7 @@ class Claims:
             if holder.get("pid") == pid and holder.get("host") == system.find_computer_name():
                 self._remove(path)
 
-    def clean_up(self) -> None:
+    def remove_leftovers(self) -> None:
         """Remove the leftovers of ended processes, and the folder of claims if no pair is claimed."""
         # A process claims before it writes: a folder that exists now and has no claim afterwards is a leftover.
         parts = list(self._pairs.glob(f"*{PART_SUFFIX}"))

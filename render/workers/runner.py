@@ -118,7 +118,7 @@ class Runner:
         """
         check_no_link(pairs_folder(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
-            self._claims.clean_up()
+            self._claims.remove_leftovers()
             restore = Restorer()
             for pair in self._pairs:
                 if data := read_complete(pair.folder(self._dataset)):
@@ -135,7 +135,7 @@ class Runner:
         finally:
             for worker in self._running:
                 worker.close()
-            self._claims.clean_up()
+            self._claims.remove_leftovers()
         return self.failed
 
     def _update_response(self, pair: PlannedPair, data: dict[str, Any], restore: Restorer) -> None:
@@ -256,7 +256,7 @@ class Runner:
     def _finish_worker(self, worker: _Worker) -> None:
         """Find out from the disk which pairs a worker has finished, and give the others to another worker."""
         worker.close()
-        self._claims.clean_up_after(worker.process.pid)
+        self._claims.remove_leftovers_of(worker.process.pid)
         if worker.fatal:
             raise IcyMoonError(worker.error)
         self._silent_ends = 0 if worker.spoke else self._silent_ends + 1
