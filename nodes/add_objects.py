@@ -1,4 +1,4 @@
-"""A patch of ground or a rock as an ordinary mesh object, which Build Scene and Clear Scene do not change."""
+"""Builds a patch of ground or a rock as an ordinary mesh object, which Build Scene and Clear Scene do not change."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from .scene_objects import mark_as_built
 
 
 def remove_shapes(scene: bpy.types.Scene) -> None:
-    """Take the shapes of rocks, which are seen as instances only, out of a scene."""
+    """Take the shapes of rocks out of a scene, where only their instances are seen."""
     for parent in (scene.collection, *scene.collection.children_recursive):
         if parent.is_editable:
             for shapes in [child for child in parent.children if child.get(TAG) == "rock shapes"]:

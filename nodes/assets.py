@@ -1,5 +1,5 @@
-"""Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, one file for each asset.
-The sky is one more asset.
+"""Makes assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, one file for each
+asset. The sky is one more asset.
 
 Build Scene makes the content of an asset from the preset. The marks of Icy Moon are then removed, because a dropped
 asset belongs to the user. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the
@@ -84,10 +84,10 @@ def write_asset(name: str, path: Path) -> None:
 
 
 def _make_landscape(settings: Settings) -> bpy.types.Collection:
-    """Make a collection of ground, rocks, lights and camera like Build Scene's.
+    """Make a collection of ground, rocks, lights and camera, as Build Scene does.
 
-    The shapes of rocks are in it too, hidden. Otherwise Blender would put them into the scene, as it does with all
-    objects of a dropped asset that are in no collection of it.
+    The hidden shapes of rocks are in the collection too. Otherwise Blender would put them into the scene, as it does
+    with every object of a dropped asset that is outside its collections.
     """
     collection = open_empty_scene(settings).collection
     for shapes in [each for each in bpy.data.collections if each.get(TAG) == "rock shapes"]:

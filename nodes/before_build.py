@@ -1,4 +1,5 @@
-"""The camera, world, frame and exposure that a scene had before Build Scene, which Clear Scene restores.
+"""Stores the camera, world, frame and exposure that a scene had before Build Scene, so that Clear Scene can restore
+them.
 
 The scene holds these notes, not the built collection. Otherwise a file that appends the collection would also get the
 camera and the world from before the build.
@@ -22,7 +23,7 @@ WORLD, CAMERA, VIEW, OSL = _PROPERTIES = (
 
 
 def is_known(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene stores its state from before Build Scene."""
+    """Return whether the scene holds notes on its state before Build Scene."""
     return VIEW in scene
 
 

@@ -168,7 +168,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
-    """List the ground, the rocks and their shapes among built objects, each with the light group that it must have.
+    """Yield the ground, the rocks and their shapes among built objects, each with the light group that it must have.
 
     Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day, ``render.separate_lights``
     separates the two.
@@ -416,7 +416,8 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
 
 
 def make_in_memory(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeObjects]:
-    """Make the objects of the scene in steps. Raises IcyMoonError also if there is not enough memory."""
+    """Make the objects of the scene in steps, as ``make_objects`` does. Raises IcyMoonError also if there is not enough
+    memory."""
     try:
         return (yield from make_objects(settings, meshed))
     except MemoryError:
@@ -458,14 +459,14 @@ def _record_build(built: Built, made: MadeObjects) -> None:
         others = {part.split()[0] for part in known} - {MAKER, "terrain"}
         marks = update_marks(collection, known, *others, "terrain object", "terrain materials", "added")
     else:
-        _describe_ground(built, made)
+        _record_ground(built, made)
         marks = read_parts(collection)
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(marks), "{}"
     collection[NOTES] = "[]"
     collection.pop(REFINED, None)
 
 
-def _describe_ground(built: Built, made: MadeObjects) -> None:
+def _record_ground(built: Built, made: MadeObjects) -> None:
     """Record the ground of a build in the collection, and add the warnings about its meshes to the build."""
     collection, settings, own = built.collection, built.settings, made.own
     on_map = {"map": own.map_place} if own and own.map_place else {}

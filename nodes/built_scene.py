@@ -1,4 +1,4 @@
-"""The built part of a scene: finding it again, its settings, and whether it was edited by hand."""
+"""Finds the built part of a scene again, with its settings, and detects whether it was edited by hand."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Built:
 
     @property
     def ground(self) -> dict[str, Any]:
-        """For a ground from a file, the ``report`` of its import; otherwise empty."""
+        """``report`` of the import of a ground from a file; empty for other ground."""
         return dict(read_stored(self.collection, GROUND, TABLE))
 
     @property
@@ -147,7 +147,7 @@ class Built:
 
     @property
     def outdated(self) -> str:
-        """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
+        """Reason, in a sentence, why Icy Moon cannot detect edits by hand; empty if it can."""
         if why := check_cycles.why_unavailable():  # marks include the settings of Cycles
             return why
         if read_stored(self.collection, FINGERPRINT, MARKS_SHAPE).get(MAKER) == describe_maker():
@@ -164,7 +164,7 @@ class Built:
 
     @property
     def planetshine(self) -> bpy.types.Object | None:
-        """The planet's lamp, if the planet is up."""
+        """The planet's lamp; None if the planet is not up."""
         return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
 
     @property
@@ -174,7 +174,7 @@ class Built:
 
     @property
     def rocks(self) -> bpy.types.Object | None:
-        """The object whose points are the rocks, if there are any."""
+        """The object whose points are the rocks; None without rocks."""
         return next((item for item in self.collection.all_objects if item.get(TAG) == "rock"), None)
 
     @property
@@ -221,7 +221,7 @@ class Built:
 
     @property
     def several_lights(self) -> bool:
-        """Whether there may be light besides the Sun's: from the planet, stars or objects that the user added."""
+        """Whether there may be light besides sunlight: from the planet, stars or objects that the user added."""
         return any(item.get(TAG) in ROLES for item in self.collection.all_objects) or bool(
             find_added_objects(self.collection)
         )

@@ -47,13 +47,13 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
 def find_reasons(
     built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
 ) -> list[str]:
-    """Find each eye, head camera and lamp inside the ground or a rock, where it sees only black or lights nothing; one
-    sentence each.
+    """Find the eyes, head cameras and lamps inside the ground or a rock, where they see only black or light nothing.
+    Returns a sentence for each.
 
-    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray
-    upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
-    enters an overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so
-    that Blender computes nothing in the user's scene.
+    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray upward from
+    inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or enters an
+    overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so that Blender
+    computes nothing in the user's scene.
     """
     with nullcontext(scene) if scene else _make_scene(built) as test_scene:
         layer = test_scene.view_layers[0]
@@ -122,7 +122,7 @@ def cast_ray(
     """Find the first ground or rock that a ray hits. Returns its role, its distance in metres, and whether the ray
     leaves the solid there.
 
-    The role is empty if the ray hits none. The ray passes the user's own objects.
+    The role is empty if the ray hits none. The ray passes through the user's own objects.
     """
     at = start
     for _ in range(_MAX_PASSED):

@@ -1,8 +1,8 @@
-"""A LiDAR in the 3D View: its beams before a scan, and its points after one.
+"""Shows a LiDAR in the 3D View: its beams before a scan, and its points after one.
 
-Points are small squares, as the measured surface's are, with a node group that shows the first of them. Beams are thin
-rods to the built surfaces: bare lines are hidden with the overlays of a camera view. Both are in a collection that is
-not rendered and not part of the built scene.
+Points are small squares, like the squares of the measured surface, with a node group that shows only the first of them.
+Beams are thin rods to the built surfaces, because bare lines are hidden with the overlays of a camera view. Both are in
+a collection that is not rendered and not part of the built scene.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: i
 
 
 def _build_limit() -> bpy.types.NodeTree:
-    """Build a node group that removes the faces from a number on."""
+    """Build a node group that removes all faces from a given number on."""
     group = bpy.data.node_groups.new(_LIMIT, "GeometryNodeTree")
     group[TAG] = ROLE
     _, result = (
@@ -111,7 +111,7 @@ def _build_limit() -> bpy.types.NodeTree:
 
 
 def limit_points(scene: bpy.types.Scene, count: int) -> None:
-    """Show the first ``count`` points, if any are shown."""
+    """Show only the first ``count`` points, if any are shown."""
     item = find_points(scene)
     modifier = item.modifiers.get(_LIMIT) if item is not None else None
     node = modifier.node_group.nodes.get(_LIMIT) if modifier is not None and modifier.node_group else None
@@ -170,7 +170,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     beams = pattern.make_chosen(pattern.choose_spread(_MAX_ROWS, _MAX_COLUMNS))
     direction = beams.direction @ pose.rotation.T
     farthest = min(lidar.instrument.farthest_m, 1e5)
-    length = np.array([_find_hit(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
+    length = np.array([_find_hit_distance_m(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
     hit = np.isfinite(length)
     told = f"{hit.sum()} of {format_count(len(hit), 'beam')} meet the ground", describe_ranges(length)
     typical = float(np.median(length[hit])) if hit.any() else _MISSED_M
@@ -192,7 +192,7 @@ def find_sensor_pose(built: Built, lidar: LidarFile) -> SensorPose:
     return mount_on_rig(eyes["left"], lidar.aim)
 
 
-def _find_hit(
+def _find_hit_distance_m(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Array, direction: Array, farthest_m: float
 ) -> float:
     """Find the distance in metres at which a beam hits something; infinite if it hits nothing."""

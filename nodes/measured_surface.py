@@ -182,8 +182,8 @@ def fill_colours(attribute: bpy.types.Attribute, rgba: Array) -> None:
 
 
 def recolour_points(find_scene: Callable[[], bpy.types.Scene], full_m: float) -> Steps[None]:
-    """Colour the shown surface, if any, again in steps: errors of ``full_m`` metres and more get the full colour.
-    ``find_scene`` finds the scene anew after a pause."""
+    """Colour the shown surface again in steps, if there is one: errors of ``full_m`` metres and more get the full
+    colour. ``find_scene`` finds the scene anew after a pause."""
     mesh = _find_mesh_with_errors(find_scene())
     if mesh is None:
         return
@@ -217,7 +217,7 @@ def build_material(colour_attribute: str) -> bpy.types.Material:
 
 
 def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Find the measured surface that is shown in this scene, if any."""
+    """Find the measured surface that is shown in this scene; None without one."""
     return next(iter(list_shown(scene, ROLE)), None)
 
 

@@ -149,8 +149,8 @@ class Copies:
 @dataclass(frozen=True)
 class FoundErrors:
     """The errors of pairs on the ground of a scene and on ``copies`` of its rocks, and the number of pixels with each
-    kind of error. ``colours`` are those of ``to_linear_colours``, where errors of ``full_m`` metres and more have the
-    full colour.
+    kind of error. ``colours`` are from ``to_linear_colours``; errors of ``full_m`` metres and more have the full
+    colour.
     """
 
     ground: VertexErrors

@@ -93,6 +93,6 @@ def _release_blocks(blocks: list[Any]) -> None:
 
 
 def free_names(blocks: Iterable[Any]) -> None:
-    """Rename data-blocks to the names of those that they replaced, without a number at the end."""
+    """Rename data-blocks to the names of the data-blocks that they replaced, without a number at the end."""
     for block in blocks:
         block.name = block.name.split(".")[0]

@@ -62,7 +62,7 @@ def list_lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
 
 
 def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
-    """Find the camera-to-world matrices (4, 4) of both eyes in OpenCV axes, positions in metres."""
+    """Find the camera-to-world matrices (4, 4) of both eyes in OpenCV's axes, with positions in metres."""
     left = np.array(matrix_world, np.float64)
     left[:3, :3] /= np.linalg.norm(left[:3, :3], axis=0)
     left[:3, :3] = left[:3, :3] @ OPENCV_FROM_BLENDER
@@ -73,9 +73,8 @@ def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
 
 @contextmanager
 def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Rotate an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and back at the end.
-    ``about`` is the camera if the object is not the camera but the housing of the cameras.
-    """
+    """Rotate an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and rotate it back at
+    the end. ``about`` is the camera if the object is the housing of the cameras."""
     # Setting the old matrix would change location and rotation by a rounding error, which would count as an edit.
     pose = {
         key: tuple(getattr(camera, key))

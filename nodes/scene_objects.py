@@ -78,7 +78,7 @@ class MadeObjects:
     unfinished: list[bpy.types.ID] = field(default_factory=list)
 
     def keep_unused_sky(self, keep: bool) -> None:
-        """Let the file keep the world, if it is made, while nothing uses it, or stop that if not ``keep``."""
+        """Choose whether the file keeps the world, if it is made, while nothing uses it."""
         if self.sky is not None:
             self.sky.use_fake_user = keep
 
@@ -87,7 +87,8 @@ class MadeObjects:
         return all(block is not None and _exists(block) for block in (*self.objects, self.sky))
 
     def remove(self) -> None:
-        """Remove all that was made, is not in a scene, and was not removed already, by undo for example."""
+        """Remove every made object that is not in a scene and still exists; undo, for example, may have removed
+        some."""
         if self.sky is not None and not _exists(self.sky):
             self.sky = None
         self.keep_unused_sky(False)
@@ -104,7 +105,7 @@ def _exists(block: bpy.types.ID) -> bool:
 
 
 def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:
-    """Mark a data-block as ours, in a role."""
+    """Mark a data-block as built by Icy Moon, in a role."""
     block[TAG] = role
     return block
 
@@ -169,7 +170,7 @@ def is_coarse(ground: MeshedGround | UserGround) -> bool:
 
 
 def _make_parts(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround, sky: Sky) -> Steps[None]:
-    """Add the objects of the scene and their warnings to what is ``made``."""
+    """Add the objects of the scene and their warnings to ``made``."""
     terrain = yield from _make_terrain(made, settings, ground)
     camera = mark_as_built(build_rig(f"{NAME} Camera", jitter_rig(settings), made.site_m), "camera")
     made.objects.append(camera)
@@ -201,7 +202,7 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
 
 
 def _make_terrain(made: MadeObjects, settings: Settings, meshed: MeshedGround | UserGround) -> Steps[bpy.types.Object]:
-    """Add the object of the ground with its material, and warnings about it, to what is ``made``; return the object."""
+    """Add the object of the ground with its material, and warnings about it, to ``made``; return the object."""
     ground = meshed.surface
     mesh = meshed.build_mesh(f"{NAME} Terrain")
     made.unfinished = [mesh]
@@ -298,7 +299,7 @@ def _place_rocks(
 
 
 def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
-    """Return sentences on rocks that the settings ask for and that are left out."""
+    """Return sentences on rocks that the settings ask for but that are left out."""
     wanted, view = make_paths_absolute(settings).rocks, make_view_beyond(settings)
     warnings, most = list[str](), format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):

@@ -56,7 +56,7 @@ def _find_edges_file(path: Path) -> Path:
 
 
 def read_build(path: Path) -> MadeObjects:
-    """Return the same as ``read_build_in_steps``, at once."""
+    """Read a stored build at once, see ``read_build_in_steps``."""
     return finish(read_build_in_steps(path))
 
 

@@ -1,4 +1,4 @@
-"""Embree without a wrapper: the library that Blender has for Cycles, or the library in the package embreex.
+"""Calls Embree without a wrapper: the library that Blender has for Cycles, or the library in the package embreex.
 
 Embree 4 API, https://www.embree.org/api.html. Vertices stay where they are; Embree keeps a pointer to them.
 """

@@ -39,8 +39,8 @@ def list_directions(origin: tuple[float, float, float], spread_deg: float) -> Ar
 
 def find_exposed_share(world: World, tracer: Tracer, points: Array, directions: Array) -> Array:
     """Find the share (n,) of grains that arrives at points (n, 3) of the world, relative to level, open ground. The
-    grains fall from ``directions`` (k, 3). Each direction counts by its upward part, as level ground receives from it.
-    Rays are traced only from points that something may shelter.
+    grains fall from ``directions`` (k, 3). Each direction is weighted by its upward component, because level ground
+    receives in proportion to it. Rays are traced only from points that something may shelter.
     """
     weight = directions[:, 2] / directions[:, 2].sum()
     start_m = points.astype(np.float64)

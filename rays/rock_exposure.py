@@ -29,8 +29,8 @@ _CLEARANCE_M = 2e-3
 
 @dataclass(frozen=True)
 class RockShelter:
-    """For each of n rocks, the share of grains that others keep away, ``level`` (n,) + ``slope`` (n, 3) · position in
-    metres, before it is held between 0 and 1."""
+    """Shelter of n rocks: the share of grains that other ground and rocks keep away is ``level`` (n,) + ``slope``
+    (n, 3) · position in metres, before it is held between 0 and 1."""
 
     level: Array
     slope: Array

@@ -18,7 +18,7 @@ class Shape:
     ``vertices`` (n, 3) float32 and ``triangles`` (m, 3) uint32. ``smooth`` (m,) triangles are shaded with normals
     interpolated between their vertices. ``label`` (m,) uint8 is the kind of object that a triangle belongs to.
     ``passing`` (n,) float32 is the share of light that goes through at a vertex; None if the shape is opaque.
-    ``loose_m`` (n,) float32 is the thickness of loose material at a vertex; None if there is none.
+    ``loose_m`` (n,) float32 is the thickness of loose material at a vertex; None without loose material.
     """
 
     vertices: Array

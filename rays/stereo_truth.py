@@ -256,9 +256,10 @@ def find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Return whether a surface hides each point from the other eye, nearer by at least ``MIN_GAP_PX`` of
-    disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter the other eye sees the point in the
-    same row."""
+    """Return whether (n,) a surface hides each point from the other eye, nearer by at least ``MIN_GAP_PX`` of
+    disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter, the other eye sees the point in the
+    same row.
+    """
     hidden = np.zeros(len(along_m), bool)
     axes, position = other.place(pixels)
     away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.place(pixels)[1] - position)

@@ -1,6 +1,6 @@
 """The program that builds a scene in a separate Blender, so that the window stays usable.
 
-__main__.py build JOB.json SCENE.blend
+    __main__.py build JOB.json SCENE.blend
 
 The job has the form of a job of ``worker``; only its settings count.
 """

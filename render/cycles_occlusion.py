@@ -1,4 +1,4 @@
-"""Pixels of an eye whose point is hidden from the other eye, found by rays from the other eye."""
+"""Finds the pixels of an eye whose point is hidden from the other eye, by rays from the other eye."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC_NAMES, SKY_TAGS
 from ..support.printer import emit
 from .displaced_vertices import is_moved, open_rendered_mesh
-from .ground_files import make_frame_facts, refuse_too_many_pairs, write_map, write_meshes
+from .ground_files import make_frame_facts, refuse_too_many_triangles, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import (
     is_rendered,
@@ -179,7 +179,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
         counted[mesh.name_full].places.append(np.array(found.matrix_world, np.float64))
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
-    refuse_too_many_pairs([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
+    refuse_too_many_triangles([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
     # Moved vertices need another evaluated scene, which frees the objects evaluated here. So the places come first.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}

@@ -82,8 +82,8 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
 
 
 def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]]:
-    """Return the same as ``list_attribute_marks``, one attribute in each step; any thread may prepare and hash the
-    large arrays."""
+    """Do the same as ``list_attribute_marks``, one attribute in each step; any thread may prepare and hash the large
+    arrays."""
     found = []
     for name in geometry.attributes.keys():  # noqa: SIM118 - the attributes may move in memory during a pause
         attribute = geometry.attributes.get(name)
@@ -115,7 +115,7 @@ def _read_in_steps(geometry: bpy.types.ID, name: str) -> Steps[Array]:
 
 
 def _mark_in_steps(values: Array, indices: bool = False) -> Steps[str]:
-    """Return the same as ``mark_array``; any thread may hash a large array."""
+    """Hash an array as ``mark_array`` does, in steps; any thread may hash a large array."""
     if values.nbytes <= LARGE_BYTES:
         return mark_array(values, indices)
     found: str = yield partial(mark_array, values, indices)
@@ -123,7 +123,7 @@ def _mark_in_steps(values: Array, indices: bool = False) -> Steps[str]:
 
 
 def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
-    """Return the same as ``list_mesh_marks_in_steps``, at once."""
+    """List the marks of all arrays of a mesh at once, see ``list_mesh_marks_in_steps``."""
     return finish(list_mesh_marks_in_steps(mesh))
 
 

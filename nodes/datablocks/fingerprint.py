@@ -118,7 +118,7 @@ def list_meshes_of(objects: Collection[bpy.types.Object]) -> list[bpy.types.Mesh
 
 
 def read_marks(collection: bpy.types.Collection, *wanted: str, trusts: bool = False) -> Reading:
-    """Return the same as ``read_marks_in_steps``, at once."""
+    """Read marks at once, see ``read_marks_in_steps``."""
     return finish(read_marks_in_steps(collection, *wanted, trusts=trusts))
 
 

@@ -1,4 +1,4 @@
-"""The properties of Blender's structures that a render can show.
+"""Lists the properties of Blender's structures that a render can show.
 
 Every property that Blender stores counts, unless it is listed here with a reason. So a property that a later Blender
 adds counts without a change of this list. A test requires a reason for every property that does not change a

@@ -1,4 +1,4 @@
-"""Heights of a mesh under given points."""
+"""Finds the heights of a mesh under given points."""
 
 from __future__ import annotations
 

@@ -161,8 +161,8 @@ class PlacedMesh:
 
     @classmethod
     def read(cls, instance: bpy.types.DepsgraphObjectInstance) -> Self:
-        """Read an instance of a mesh. Whole arrays are copied, since Blender reads vertex by vertex 20 times as
-        long."""
+        """Read an instance of a mesh. Whole arrays are copied, because reading vertex by vertex takes Blender 20 times
+        as long."""
         mesh = instance.object.data
         mesh.calc_loop_triangles()
         corners = read_property(mesh.loop_triangles, "loops", np.int32, 3).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The mesh of an object as the 3D View shows it: modifiers applied, with its instances, in metres."""
+"""Reads the mesh of an object as the 3D View shows it: modifiers applied, with its instances, in metres."""
 
 from __future__ import annotations
 

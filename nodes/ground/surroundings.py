@@ -53,7 +53,7 @@ class MapOfSite:
 
 @dataclass(frozen=True)
 class SurroundedMesh:
-    """The mesh of a patch with its surroundings, lines for the import report, and warnings."""
+    """The ground of a patch with its surroundings, lines for the import report, and warnings."""
 
     surface: SurroundedGround
     report: tuple[str, ...]
@@ -75,7 +75,7 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
     levels = plan_surroundings(settings, covers)
     gap_m, alone = _GAP_PIXELS * covers[-1].pixel_m, len(covers) == 1
     wide_m = gap_m if alone else 2.0 * _choose_band_m(covers, float(settings.terrain.size_m))
-    fine, said = _measure_fine(of, pixels, frame, levels, wide_m, settings)
+    fine, said = _measure_fine_map(of, pixels, frame, levels, wide_m, settings)
     if alone:  # the patch is the same as without surroundings, even with gaps
         west, east, south, north = of.surface.bounds_m
         x, y = levels[0].axis_m[None, :], levels[0].axis_m[:, None]
@@ -134,7 +134,7 @@ def _choose_band_m(covers: list[MapCover], size_m: float) -> float:
     return min(band_m, margin_m) if margin_m > _MIN_MARGIN * width_m else band_m
 
 
-def _measure_fine(
+def _measure_fine_map(
     of: MapOfSite,
     pixels: MapPixels | None,
     frame: MapFrame | None,
@@ -142,8 +142,8 @@ def _measure_fine(
     wide_m: float,
     settings: Settings,
 ) -> tuple[list[LevelMeans], list[str]]:
-    """Return the heights of the fine map at each level, and sentences for the user. The patch has the same heights as
-    without surroundings."""
+    """Measure the heights of the fine map at each level. Return them, and sentences for the user. The patch has the
+    same heights as without surroundings."""
     if pixels is not None:
         means = measure_levels(pixels, levels, wide_m)
         said: list[str] = []
@@ -219,7 +219,7 @@ def _build(levels: list[Level], heights_m: list[Array], radius_m: float) -> Surr
 def _describe_surroundings(
     levels: list[Level], coarse: Path | None, blended: BlendedMaps, wide_m: float, radius_m: float
 ) -> list[str]:
-    """Return sentences for the import report."""
+    """Describe the surroundings in sentences for the import report."""
     last = levels[-1]
     said = [
         f"Ground goes on to {last.half_m:.6g} m in {format_count(len(levels) - 1, 'ring')}, with cells of "

@@ -56,8 +56,9 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
 @dataclass(frozen=True)
 class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
-    (k, 2) of its mesh. Coarse ground has at most ``most_rocks`` rocks: those that look largest from the site.
-    ``loose_m`` (n,) are the thicknesses of loose material in metres, if they are asked for."""
+    (k, 2) of its mesh. ``loose_m`` (n,) are the thicknesses of loose material in metres, if they are asked for. Coarse
+    ground has at most ``most_rocks`` rocks, namely the rocks that look largest from the site.
+    """
 
     surface: Terrain | GradedGround
     positions: Array
@@ -233,7 +234,7 @@ def sample_patch(ground: Surface) -> Array:
 
 
 def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughness | None:
-    """Return the roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
+    """Measure the roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
     if heights is None or min(heights.shape) < 3:
         return None
     spacing = terrain.size_m / (len(heights) - 1)
@@ -243,7 +244,8 @@ def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> 
 
 
 def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
-    """Return ``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and the measured ones."""
+    """Describe the statistics of the patch: ``baseline_m``, the values that ``terrain`` settings ask for, and the
+    measured values. Empty if there is no grid to measure."""
     found = measure_patch_roughness(heights, terrain)
     if found is None:
         return {}

@@ -128,7 +128,7 @@ def find_ground_file(settings: Settings) -> Path:
 
 
 def warn_of_cost(settings: Settings) -> list[str]:
-    """Return a warning if loading the ground takes long or much memory; otherwise nothing."""
+    """Return a warning if loading the ground takes a long time or much memory; otherwise nothing."""
     if settings.source.kind != "MESH":
         return []
     path = find_ground_file(settings)

@@ -79,8 +79,8 @@ def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bp
 
 
 def build_moons(name: str, moons: MoonMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
-    """Build the part of the moons above a horizon ``dip_deg`` under the horizontal. Their distances are in proportion
-    to the planet's, so that moon, rings and planet hide each other as in the sky."""
+    """Build the part of the moons above a horizon ``dip_deg`` under the horizontal. Their distances have the same scale
+    as the planet's distance, so that moon, rings and planet hide each other as in the sky."""
     attributes = {RADIANCE: moons.radiance * colour, TRANSMISSION: moons.transmission}
     material = _build_shining_material(name, colour, attributes)
     return _build_far_mesh(name, DISTANCE_M * moons.vertices, moons.faces, attributes, material, dip_deg)

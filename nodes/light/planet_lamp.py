@@ -89,7 +89,7 @@ def _fill_tree(tree: Tree, planet: Planet) -> None:
 
 
 def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
-    """Make the inputs of ``hapke.osl`` for the planet's lamp; without a lamp their light is zero."""
+    """Make the inputs of ``hapke.osl`` for the planet's lamp. Without a lamp, their light is zero."""
     if shine is None or shine.hide_render:
         return {
             "PlanetRadiance": (0.0, 0.0, 0.0, 1.0),

@@ -36,9 +36,8 @@ _MIN_COSINE = 0.01
 
 @dataclass(frozen=True)
 class _View:
-    """The entry point of the view into the ice, in spacings, its direction there, and a number that selects the
-    patches.
-    """
+    """A view into the ice: the point where it enters, in spacings, its direction there, and a number that selects the
+    patches."""
 
     place: Vector
     into: Vector

@@ -156,7 +156,7 @@ def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, fl
 
 
 def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
-    """Return sentences on the albedo image: on ground that it lacks, and if it makes this mesh's ground reflect more
+    """Return sentences on the albedo image: on ground that it lacks, and on ground of this mesh that reflects more
     light than it receives."""
     textured = _load_textures(settings, mesh)
     if textured is None or "albedo" not in textured.maps:
@@ -270,7 +270,7 @@ def follow_ground_material(material: bpy.types.Material, settings: Settings, mes
 
 
 def follow_rock_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
-    """Return the same as ``follow_ground_material``, for the material of rocks."""
+    """Give the unedited material of rocks the values for other settings, as ``follow_ground_material`` does."""
     arguments = _list_rock_arguments(settings, mesh)
     try:
         fill_material(material, FollowedTree(material.node_tree, without=LABEL_NODES), *arguments)

@@ -122,8 +122,8 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
 def add_frost_share(
     tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0, marked: bool = False
 ) -> Socket:
-    """Add the share of a place that is frost, and return its output socket. Frost is thick on level ground and on top
-    of rocks, and absent on steep faces. ``mask`` multiplies the share. ``marked`` is whether the mesh is the ground,
+    """Add the share of a place that is frost, and return its output socket. The share is large on level ground and on
+    top of rocks, and 0 on steep faces. ``mask`` multiplies the share. ``marked`` is whether the mesh is the ground,
     which may have the attribute ``SHELTERED``; rocks may have others.
     """
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
@@ -139,7 +139,7 @@ def add_frost_share(
 
 
 def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, marked: bool) -> Number:
-    """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, in the mean over patches."""
+    """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, as the mean over patches."""
     normal, origin = geometry.outputs["True Normal"], find_origin(surface)
     toward = Number(tree, tree.vector("DOT_PRODUCT", "Toward the Origin", normal, origin))
     received = toward.at_least(0.0) * (1.0 / origin[2])
@@ -161,7 +161,7 @@ def _add_rock_shelter(tree: Tree, geometry: Node) -> Socket:
 
 def _add_fallen_patches(tree: Tree, share: Number, field: Socket) -> Socket:
     """Turn noise ``field`` into patches that cover a ``share`` of the area, and return their output socket. With a
-    share of 1 they cover everything, with 0 nothing. Their edges are soft, but no wider than keeps the mean."""
+    share of 1 they cover everything, with 0 nothing. Their edges are soft, but narrow enough to keep the mean."""
     edge = share.at_most(1.0 - share).at_most(_FALLEN_EDGE).at_least(_SHARPEST_EDGE)
     ahead = share.times_plus(1.0 + 2.0 * _SHARPEST_EDGE, -_SHARPEST_EDGE) - add_share_below(tree, field)
     return tree.ramp("Fallen Frost", (ahead / edge).value, -1.0, 1.0, smooth=True)

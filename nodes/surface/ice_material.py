@@ -170,8 +170,8 @@ class _PatternOffsets:
 
     @property
     def glints(self) -> float:
-        """The offset of the glints: a multiple of 64, so that different offsets differ by more than the octaves'
-        number."""
+        """Offset of the glints: a multiple of 64, so that different offsets differ by more than the number of
+        octaves."""
         return math.floor(self.salt) * 64.0
 
 
@@ -359,7 +359,8 @@ class _Material:
                 self._varied[kind] = self.tree.separated(kind.title(), sampled)[of.channel]
 
     def add_brightness(self, dug: bool) -> None:
-        """Multiply the albedo by patches, ground that was dug open, a group of the user's, and faces of rocks."""
+        """Multiply the albedo by the factors of patches, of ground that was dug open, of the user's own node group, and
+        of the faces of rocks."""
         tree, surface = self.tree, self._surface
         self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, self._of_terrain, self._dirt_mask)
         self._least = find_darkest_factor(surface)
@@ -498,7 +499,8 @@ class _Material:
         return self._settings is not None and only_camera_meets_relief(self._surface, self._settings.quality)
 
     def add_passes(self, albedo_pass: bool) -> None:
-        """Add the outputs of the passes: the geometric normal, if asked the albedo and the salt, and baked light."""
+        """Add the outputs of the passes: the geometric normal, baked light and, if asked for, the albedo and the
+        salt."""
         tree, surface, settings = self.tree, self._surface, self._settings
         tree.value_pass("Geometric Normal", NORMAL_AOV, self._geometry.outputs["True Normal"])
         if albedo_pass:

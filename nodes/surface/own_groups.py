@@ -79,7 +79,7 @@ def refuse_stand_ins(materials: Iterable[bpy.types.Material | None]) -> None:
 
 
 def _find_group(name: str) -> bpy.types.NodeTree | None:
-    """Find the group of the open file, if it keeps the contract."""
+    """Find the group of the open file that keeps the contract; None without one."""
     return None if explain_unusable_group(name) else bpy.data.node_groups[name]
 
 
@@ -94,7 +94,7 @@ def _make_stand_in(name: str) -> bpy.types.NodeTree:
 
 
 def _connect(tree: bpy.types.NodeTree, node: Node, group: bpy.types.NodeTree) -> None:
-    """Let a node have the group, and link its sockets to the geometry and to the bound of the factor."""
+    """Let a node use the group, and link its sockets to the geometry and to the bound of the factor."""
     node.node_tree = group
     group.use_fake_user = True  # a group outlives its materials, which every build makes anew
     geometry = next(each for each in tree.nodes if each.type == "NEW_GEOMETRY")

@@ -76,7 +76,8 @@ class Grains:
 
 
 def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
-    """Choose whether Hapke's law uses OSL, and its level; add a sentence if they differ from the settings.
+    """Choose whether Hapke's law uses OSL, and its level. Return both, and a sentence if they differ from the settings,
+    else an empty text.
 
     Raises IcyMoonError if the settings require OSL and it is not available.
     """

@@ -40,7 +40,7 @@ def mark_shelter(
     rocks: Rocks | None = None,
     shapes: Sequence[Sequence[RockShape]] = (),
 ) -> RockShelter | None:
-    """Return the same as ``mark_shelter_in_steps``, at once."""
+    """Mark the shelter at once, see ``mark_shelter_in_steps``."""
     return finish(mark_shelter_in_steps(mesh, settings, rocks, shapes))
 
 

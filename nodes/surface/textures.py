@@ -250,8 +250,8 @@ class PositionSampler(Sampler):
 
 
 class PatchSampler(PositionSampler):
-    """Samples one piece: the whole image over the patch, seen from above. Beyond the patch, its outermost pixels go
-    on."""
+    """Samples one piece: the whole image over the patch, seen from above. Beyond the patch, its outermost pixels
+    continue."""
 
     _EXTENSION = "EXTEND"
 

@@ -152,7 +152,7 @@ class Tree:
         return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
 
     def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-        """Return the mix a ``share`` of the colour ``b`` with the rest of ``a``, and return the output socket."""
+        """Mix a ``share`` of the colour ``b`` with the rest of ``a``, and return the output socket."""
         return find_output(
             self.node(
                 "ShaderNodeMix",
@@ -259,7 +259,7 @@ class Tree:
         return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
 
     def surface(self, shader: Socket, label: str = "Surface", target: str = "ALL", **others: object) -> None:
-        """Connect a shader, and others such as ``Volume``, to a material's output."""
+        """Connect a shader, and further sockets such as ``Volume``, to a material's output."""
         inputs = {"Surface": shader, "Displacement": None, "Volume": None, "Thickness": None} | others
         self.node("ShaderNodeOutputMaterial", label, inputs, target=target)
 

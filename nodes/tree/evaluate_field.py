@@ -42,8 +42,8 @@ class _Translation:
         self._made: dict[str, Any] = {}
 
     def translate(self, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return the output in the group that corresponds to an output in the shader. Raises NoGeometryNodeError if the
-        group cannot have it."""
+        """Return the output in the group that corresponds to an output in the shader. Raises NoGeometryNodeError if
+        geometry nodes have no such node."""
         node = socket.node
         if node.bl_idname == "ShaderNodeNewGeometry" and socket.identifier == "Position":
             return self._make(node.name, "GeometryNodeInputPosition").outputs[0]
@@ -75,8 +75,8 @@ class _Translation:
 
 
 def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.Mesh, some: Array) -> Array:
-    """Return the evaluate a shader's output at ``points`` (k, 3) in world coordinates, which are the vertices ``some``
-    (k,) of ``mesh``. Returns float32 (k,).
+    """Evaluate a shader's output at ``points`` (k, 3) in world coordinates, which are the vertices ``some`` (k,) of
+    ``mesh``. Returns float32 (k,).
 
     Raises NoGeometryNodeError if geometry nodes cannot compute the values, or if the mesh lacks the vertex attributes
     that they need.

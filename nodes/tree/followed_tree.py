@@ -37,9 +37,10 @@ class FollowedTree(Tree):
     """
 
     def __init__(self, node_tree: bpy.types.NodeTree, *, without: Collection[str] = (), only: Collection[str] = ()):
-        """Follow the nodes of a tree that are in ``only``, or all nodes if it is empty, except the nodes in
-        ``without``. Both contain names of nodes: ``only`` of those that this builder added, ``without`` of those that
-        another builder added.
+        """Follow the nodes of a tree whose names are in ``only`` (all nodes if it is empty), except the nodes in
+        ``without``.
+
+        Another builder has added the nodes in ``without``; this builder has added the nodes in ``only``.
         """
         fixed: Any = SimpleNamespace(nodes=_Fixed(), links=_Fixed())
         super().__init__(fixed, keep=True)
@@ -105,13 +106,13 @@ class FollowedTree(Tree):
         return node.outputs[0]
 
     def arrange(self) -> None:
-        """Find that no node is left over; the nodes are in their places."""
+        """Check that no node is left over; the nodes are in their places. Raises OtherTreeError otherwise."""
         if self._left:
             raise OtherTreeError(min(self._left))
 
 
 def _differs(there: Any, value: Any) -> bool:
-    """Return whether a socket's numbers differ from a value, in single precision."""
+    """Return whether a socket's numbers differ from a value in single precision."""
     if isinstance(there, float):
         return there != np.float32(value)
     return not np.array_equal(np.asarray(there, np.float32), np.asarray(value, np.float32))

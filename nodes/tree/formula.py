@@ -119,7 +119,7 @@ class Number:
         return self._node("POWER", exponent, known=math.pow)
 
     def arctan2(self, other: Number) -> Number:
-        """Return the angle in radians of the point (other, self)."""
+        """Return the angle in radians from the x axis to the point (other, self)."""
         return self._node("ARCTAN2", other)
 
     def at_least(self, other: Number | float) -> Number:

@@ -95,7 +95,7 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
 
     With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. There are two renders of
     half the ``samples`` each, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two
-    samples, and for more than two renders take.
+    samples, and for more samples than two renders take.
     """
     if not 2 <= samples <= _MAX_REFERENCE_SAMPLES:
         raise IcyMoonError(
@@ -245,7 +245,7 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
-    """List the renderable ways to compute the light of a scene in a Blender with the abilities ``able``, cheapest by
+    """List the ways in which a Blender with the abilities ``able`` can compute the light of a scene, cheapest by
     expected cost first. A search may stop at the first candidate that is good enough.
 
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
