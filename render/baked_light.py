@@ -1,10 +1,11 @@
-"""Indirect light baked to the vertices of the ground, once for all images of a ground under one sky.
+"""Bakes indirect light to the vertices of the ground, once for all images of a ground under one sky.
 
 Light that Lambert ground gets from other ground is the same from all directions of view. Cycles bakes this light to
 texels within the facets, and the vertices get the mean of their texels (``baked_texels``). Images then need direct
 light only: fewer samples, and no denoiser. During the bake, ground is smooth between its vertices, since a sample would
-meet one point of the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their
-own. With ``quality.bake_area`` VIEW only the facets that the cameras may see, and the facets around them, get texels.
+meet one point of the relief. Light of the Sun and light of the planet are baked separately, since each has its own
+light group. With ``quality.bake_area`` VIEW only the facets that the cameras may see, and the facets around them, get
+texels.
 """
 
 from __future__ import annotations
@@ -69,10 +70,10 @@ _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 @dataclass(frozen=True)
 class IndirectLight:
-    """How the indirect light of a pair is computed: baked ``lights`` by light group, or traced if ``lights`` is empty.
+    """The method for the indirect light of a pair: baked ``lights`` by light group, or tracing if ``lights`` is empty.
 
-    ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is baked light that proved unfit for an
-    image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
+    ``why_traced`` is the reason for tracing if the settings ask for baked light. ``tried`` is baked light that proved
+    unfit for an image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
     """
 
     lights: Mapping[str, StoredLight] = field(default_factory=dict)
@@ -102,8 +103,8 @@ class IndirectLight:
         """Find the reason, as a clause, why an image must be ray traced, from the ``stated`` entry of ``to_json``;
         empty if baked light is good enough.
 
-        The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
-        make matching easier than it is. A ``limit`` of 0 means no limit.
+        The noise of baked light is fixed to the ground, so it looks like texture. Where much light is indirect, it
+        would make matching easier than it is. A ``limit`` of 0 means no limit.
         """
         if not self.lights or stated is None:
             return ""
@@ -124,9 +125,9 @@ class IndirectLight:
 def provide_baked_light(
     built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight
 ) -> IndirectLight:
-    """Put the baked light of a planned pair on the built ground, from the data set if it has it.
+    """Put the baked light of a planned pair on the built ground; the data set may have it already.
 
-    One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
+    Otherwise one process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
     """
     settings = planned.settings
     if settings.quality.indirect != "BAKED":
@@ -185,7 +186,7 @@ def _find_or_bake(
 
 
 def _find_why_unsuitable(built: Built) -> str:
-    """Find the reason why the built scene cannot use baked light, as a clause; empty if it can."""
+    """Find the reason, as a clause, why the built scene cannot use baked light; empty if it can."""
     if find_added_objects(built.collection):
         return "objects without baked light were added to the scene"
     if built.edited_parts("terrain object", "terrain materials"):
@@ -218,8 +219,9 @@ def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
 
 
 def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
-    """Make the key of baked light: 12 hexadecimal digits of all that the light depends on. This is ground, surface,
-    lights, bounces, seed and samples, the light group, and the facets that are ``seen`` if only some are baked.
+    """Make the key of baked light: 12 hexadecimal digits of everything that the light depends on. These are ground,
+    surface, lights, bounces, seed and samples, the light group, and the facets that are ``seen`` if only some are
+    baked.
 
     The mesh of a graded ground is made for the rig, so there the rig counts too; otherwise heading, rig and sensor do
     not.

@@ -1,4 +1,4 @@
-"""Indirect light baked to points of rocks, for the few terms per rock that ``physics.light.baked_rocks`` fits to it.
+"""Bakes indirect light to points of rocks, for the few terms per rock that ``physics.light.baked_rocks`` fits to it.
 
 A small triangle stands just above each point. No ray sees the triangle, so the light stays as it is.
 """

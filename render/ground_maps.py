@@ -1,4 +1,4 @@
-"""Maps of a built scene from straight above, as Cycles renders it: heights and albedo on square cells, north up.
+"""Maps a built scene from straight above, as Cycles renders it: heights and albedo on square cells, north up.
 
 An orthographic camera looks down and takes one sample at the centre of each cell. So heights include rocks and relief
 that moves vertices, and nothing is blended at edges.

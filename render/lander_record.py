@@ -1,4 +1,4 @@
-"""The entry "lander" of ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
+"""Makes the entry "lander" of ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The content of the ``pair.json`` of a rendered pair."""
+"""Makes the content of the ``pair.json`` of a rendered pair."""
 
 from __future__ import annotations
 
@@ -34,9 +34,8 @@ from .plans.planned_pair import PlannedPair
 
 
 def make_light_json(built: Built, source: str) -> dict[str, Any]:
-    """Make the entry "light" of ``pair.json``: the sky by ``source``, a value of ``light.directions_from``, or by the
-    user's rotation of the lamp.
-    """
+    """Make the entry "light" of ``pair.json``. The sky is from ``source``, a value of ``light.directions_from``, or
+    from the user's rotation of the lamp."""
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()

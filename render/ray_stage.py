@@ -1,4 +1,4 @@
-"""The triangles that Cycles traces of a scene, with their matrices and labels, for rays that Icy Moon traces.
+"""Collects the triangles that Cycles traces of a scene, with their matrices and labels, for rays that Icy Moon traces.
 
 Blender evaluates the objects of a view layer for its window. An object without a mesh, or one that looks different in a
 render, is refused with a reason. Cycles then renders the truth too.
@@ -206,8 +206,8 @@ class _FoundMeshes:
 def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
     """Find the meshes of a scene with their instances.
 
-    With ``read`` shapes are read, except of moved meshes. Their vertices are found in a separate scene, which discards
-    the objects that are evaluated here.
+    With ``read``, their shapes are read, except the shapes of moved meshes. The vertices of moved meshes are found in a
+    separate scene, which discards the objects that are evaluated here.
     """
     made = _FoundMeshes()
     points: dict[str, Array] = {}

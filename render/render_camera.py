@@ -37,7 +37,7 @@ _COMMON_PROPERTIES = {prop.identifier for prop in bpy.types.ID.bl_rna.properties
 
 @contextmanager
 def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a separate camera, which ``set_up_camera`` makes a copy of the ``built`` one.
+    """Give ``scene`` a separate camera, which ``set_up_camera`` makes a copy of the ``built`` camera.
 
     All renders share it: Cycles builds its scene again when an object comes or goes, but not when an object changes.
     """

@@ -36,9 +36,9 @@ def render_head(
 ) -> RenderedHead:
     """Render the cameras of ``rig.head_file`` at their poses in the ``built`` scene.
 
-    ``render_radiance`` lets Cycles render what ``scene`` is set up for into a file at a stem. ``stage`` is for the
-    truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises IcyMoonError
-    if a camera is missing.
+    ``render_radiance`` lets Cycles render the view for which ``scene`` is set up, into a file at a stem. ``stage`` is
+    for the truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises
+    IcyMoonError if a camera is missing.
     """
     if stage is None:
         return {}, []

@@ -364,7 +364,7 @@ def _prepare_cycles(
 def _write_files(
     part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool, rounded: set[str]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
-    """Assemble the layers into the files of the pair, with baked light added.
+    """Assemble the layers into the files of the pair, and add baked light.
 
     Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
     """
@@ -520,7 +520,7 @@ def _render_truth(
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render a depth that is read once and removed: without surfaces where that saves time."""
+    """Prepare the render of a depth that is read once and removed: without surfaces, where this saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _count_triangles(built) > truth_without_light.MAX_TRIANGLES_PER_PIXEL * pixels

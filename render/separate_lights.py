@@ -1,4 +1,4 @@
-"""The lights that are rendered one by one, and the scene for each of these renders.
+"""Renders the lights of a scene one by one.
 
 With Open Shading Language Cycles writes no value passes, so truth is rendered without it. A surface whose nodes use the
 direction of the light can follow only one source, and gives its own light to one light group. So Sun, planet and lamps

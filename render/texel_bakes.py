@@ -1,4 +1,4 @@
-"""Bakes by Cycles to texels within the facets of a mesh, see ``physics.light.baked_texels``."""
+"""Bakes light by Cycles to texels within the facets of a mesh, see ``physics.light.baked_texels``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Renders truth faster: without light, and for depth alone without surfaces.
+"""Renders truth faster: without light, and, for depth alone, without surfaces.
 
 A ray of the truth ends where it meets the ground, but Cycles would then sample the lamps and evaluate all nodes of the
-surface. Depth is the same to the bit without both.
+surface. Depth is the same to the last bit without both.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Features that a Blender has, checked before a plan is estimated or rendered. Imports no Blender."""
+"""Checks the features of a Blender before a plan is estimated or rendered. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from ..workers.process import Process
 
 @dataclass(frozen=True)
 class Abilities:
-    """Optional features of a Blender that settings may need. An official build has all but a graphics card."""
+    """Optional features of a Blender that settings may need. An official build has all of them except a graphics
+    card."""
 
     osl: bool = True
     denoiser: bool = True

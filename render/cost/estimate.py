@@ -399,8 +399,8 @@ def format_size(count: float) -> str:
 
 
 def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
-    """Estimate the cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and
-    correct the estimate."""
+    """Estimate the cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and their
+    times correct the estimate."""
     pairs = order_pairs(pairs)
     keys = [
         tuple(
@@ -447,7 +447,7 @@ def _compute_processor_seconds(
     expected: Mapping[str, float],
     lit: Set[str],
 ) -> float:
-    """Compute the processor seconds of ordered pairs on the machine of the coefficients.
+    """Compute the processor seconds of ordered pairs on the machine where the coefficients were measured.
 
     ``scenes`` is the scene of each pair, ``triangles`` the number of triangles of each scene, and ``expected`` the
     seconds of each pair in a scene that is already built. A worker starts for each job and builds the scenes of that
@@ -471,10 +471,10 @@ def _compute_processor_seconds(
 
 
 def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
-    """Estimate seconds on this machine and bytes of a number of ``pairs`` and ``grounds``, from the settings of
+    """Estimate the seconds on this machine and the bytes of a number of ``pairs`` and ``grounds``, from the settings of
     ``some`` pairs.
 
-    Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
+    This takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
     work = sum(estimate_work(each).seconds(ASSUMED_TRIANGLES) for each in some) / len(some) * pairs
     work += grounds * build_seconds(some[0], ASSUMED_TRIANGLES) + _PROCESS_START_S + _WORKER_START_S
@@ -526,7 +526,7 @@ def _read_ratios(
 
 
 def estimate_prior_spread(speed: Speed | None, gpu: bool) -> float:
-    """Estimate the standard deviation of the logarithm of the seconds before the first pair is measured."""
+    """Estimate the standard deviation of the logarithm of the seconds, before the first pair is measured."""
     return _PLAN_SPREAD_HERE if speed else _CARD_SPREAD if gpu else _PLAN_SPREAD
 
 

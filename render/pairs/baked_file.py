@@ -61,7 +61,7 @@ def make_file_name(key: str, checksum: str) -> str:
 def parse_name(name: str) -> tuple[str, str] | None:
     """Parse the key and the checksum's first digits from a file's name; the digits are empty in older names.
 
-    None if the name is not the name of baked light.
+    None if it is not the name of a file of baked light.
     """
     found = _FILE_NAME.fullmatch(name)
     return (found[1], found[2] or "") if found else None

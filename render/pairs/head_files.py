@@ -7,7 +7,7 @@ PATTERN = r"camera_[A-Za-z0-9_-]{1,40}(\.truth)?\.exr"
 
 
 def image_file(name: str) -> str:
-    """Return the name of the file with the image of a camera, and with its truth unless the truth has a separate
+    """Return the name of the file with the image of a camera. It also has the truth, unless the truth has a separate
     file."""
     return f"camera_{name}.exr"
 

@@ -142,7 +142,8 @@ class Pair:
 
 
 def refuse_rolling_shutter(pair: Pair, why: str, fix: str) -> None:
-    """Raise IcyMoonError if the rows of a pair have different poses. ``why`` and ``fix`` are parts of the sentence."""
+    """Raise IcyMoonError if the rows of a pair have different poses. ``why`` and ``fix`` are parts of the error's
+    sentence."""
     if pair.rolling_shutter is not None:
         raise IcyMoonError(f"{pair.folder} has a rolling shutter (rig.readout_s), and {why}; {fix}.")
 

@@ -1,4 +1,4 @@
-"""The sky of a pair: from its settings, or over the site of the map that its ground is from."""
+"""Computes the sky of a pair: from its settings, or over the site of the map that its ground is from."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def _get_value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
 
 
 def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Describe in words the values of a setting before and now. The values are by their form in ids."""
+    """Describe in words the values of a setting before and now. Both are given by their form in ids."""
     lost, new = ([each[key] for key in each if key not in other] for each, other in ((before, now), (now, before)))
     if len(before) == 1 == len(now):
         return f"{name} was {quote(lost[0])} and is {quote(new[0])}"

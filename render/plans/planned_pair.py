@@ -16,8 +16,8 @@ from .baked_or_traced import choose_indirect
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """One pair to render: its id, its complete settings, and its turn. In a scene that is built already, the rig turns
-    by this angle for the pair; in a scene built from the pair's settings it is 0."""
+    """One pair to render: its id, its complete settings, and the angle of its rig. The rig of a scene that is built
+    already turns by this angle for the pair; in a scene built from the pair's settings it is 0."""
 
     id: str
     settings: Settings

@@ -89,7 +89,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
 
 
 def load_included(name: object, place: Place) -> Settings:
-    """Load the settings of a shipped preset, or of a settings file beside the plan, whose name ends in .toml."""
+    """Load the settings of a shipped preset, or of a settings file beside the plan, if the name ends in .toml."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
     try:
@@ -241,7 +241,8 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
 
 
 def _read_law(name: str, setting: Setting | None, law: object, place: Place, kind: str) -> Callable[[Array], list[Any]]:
-    """Read a factor's distribution from the plan as a function from fractions (0 to 1) to its values."""
+    """Read a factor's distribution from the plan. Return a function that turns fractions from 0 to 1 into values of the
+    factor."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):

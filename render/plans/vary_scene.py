@@ -58,7 +58,7 @@ class VariedSetting:
 
     @property
     def setting(self) -> Setting:
-        """The setting. Raises IcyMoonError for an unknown name, and for a setting that cannot vary."""
+        """Declaration of the setting. Raises IcyMoonError for an unknown name, and for a setting that cannot vary."""
         setting = _SETTING_BY_NAME.get(self.name)
         if setting is None:
             name = shorten(self.name)  # anybody's .blend file may state the name
@@ -99,8 +99,8 @@ def list_variable_settings() -> list[str]:
 
 
 def make_default_variation(name: str, value: float | str) -> VariedSetting:
-    """Make a setting that varies about its present value. A number varies from half to twice its value, or over a
-    quarter of its slider's range if it is 0; it stays within that range if its value does. A choice has all its values.
+    """Make a setting vary about its present value. A number varies from half to twice its value, or over a quarter of
+    its slider's range if it is 0; it stays within that range if its value does. A choice has all its values.
 
     Whole numbers have the default number of values, if the range contains that many.
     """

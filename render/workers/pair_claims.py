@@ -70,9 +70,8 @@ class Claims:
         self._thread: threading.Thread | None = None
 
     def take(self, pair: str) -> bool:
-        """Claim a pair; False while another process holds it. Raises IcyMoonError if the pair's folder could not be
-        written.
-        """
+        """Claim a pair, and return whether that succeeded; False while another process holds it. Raises IcyMoonError if
+        the pair's folder could not be written."""
         folder = make_part_path(self._pairs / pair)
         system.check_path(
             self._pairs.parent, make_part_path(folder / "pair.json")

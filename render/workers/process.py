@@ -42,11 +42,11 @@ class Ended(Protocol):
 
     @property
     def cause(self) -> str:
-        """The line that best explains the end."""
+        """The line that best explains why the process ended."""
 
 
 def describe_end(process: Ended) -> str:
-    """Describe how a process ended that reported neither a result nor an error, as words that follow its name. If it
+    """Describe how a process ended that reported neither a result nor an error, in words to append to its name. If it
     was killed, they contain a remedy."""
     if process.returncode in _KILLED:
         return "was killed, often for lack of memory; close other programs or choose a smaller scene, then try again"
@@ -90,7 +90,7 @@ class ProcessOutput:
 
 @contextmanager
 def report_errors(as_json: bool) -> Iterator[None]:
-    """Print an error that ends the program also as a JSON line, if ``as_json``."""
+    """Print the error that ends the program, also as a JSON line if ``as_json``."""
     try:
         yield
     except IcyMoonError as error:

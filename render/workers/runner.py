@@ -165,7 +165,7 @@ class Runner:
         self._queue.extend(jobs)
 
     def _step_workers(self) -> None:
-        """Start workers, handle their messages, and finish workers that have ended."""
+        """Start workers, handle their messages, and finish the workers that have ended."""
         while self._queue and len(self._running) < self._options.count:
             self._start_worker(self._queue.popleft())
         for worker in list(self._running):

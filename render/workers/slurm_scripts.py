@@ -1,4 +1,4 @@
-"""Job scripts for a cluster with SLURM, whose machines need only this folder and Blender. Imports no Blender."""
+"""Writes job scripts for a cluster with SLURM, whose machines need only this folder and Blender. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -103,7 +103,8 @@ def _quote_folder(folder: Path) -> str:
 
 
 def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, python: str, blender: str) -> Path | None:
-    """Write the script of a job array for the shards that lack pairs; None if all pairs are there.
+    """Write the script of a job array for the shards that lack pairs, and return its file; None if all pairs are
+    complete.
 
     ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
     or an option that a line of the script cannot contain.

@@ -56,7 +56,8 @@ _MAX_NAMED_SETTINGS = 5
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem: its kind, its subject (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
+    """A problem: its kind, its subject (a pair's id or a path), a sentence on it, and the ``path`` that may be
+    removed."""
 
     kind: str  # "unreadable", "missing", "broken", "foreign", "edited", "light", "leftover" or "kept"
     what: str
@@ -84,9 +85,10 @@ class Findings:
 def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
 
-    With ``remove_broken`` broken pairs and leftovers are removed, except foreign files and pairs whose files are
-    unchanged since the render. Without a plan each pair is compared only with its own entries. Raises IcyMoonError if
-    there are no pairs either, and for ``remove_broken`` without a plan, which could make the pairs again.
+    With ``remove_broken``, broken pairs and leftovers are removed, except foreign files and pairs whose files are
+    unchanged since the render. Without a plan, each pair is compared only with its own entries. Raises IcyMoonError if
+    there are neither a plan nor pairs. Raises it also for ``remove_broken`` without a plan, because only a plan could
+    make the pairs again.
     """
     has_plan = os.path.lexists(dataset / PLAN)
     planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
