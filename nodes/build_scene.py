@@ -150,7 +150,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     shine = next((item for item in objects if item[TAG] == "planetshine"), None)
     used = {item: find_materials(find_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
-    # From the lamp, in single precision, so that aiming again at render time changes nothing.
+    # Read from the lamp, in single precision, so that aiming again at render time changes nothing.
     lamps = [item for item in objects if item[TAG] in LAMP_ROLES]
     sun_inputs.set_light_inputs(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine, lamps)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]

@@ -46,7 +46,7 @@ from .surface import own_groups, reflectance_laws
 SETTINGS, FINGERPRINT, GROUND = "icymoon_settings", "icymoon_fingerprint", "icymoon_ground"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
-STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
+STATISTICS = "icymoon_statistics"  # of the ground: stated by the settings, and measured on the built ground
 EXCAVATION = "icymoon_excavation"  # volumes and masses of the excavation, see ``physics.excavation.dig``
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
@@ -128,7 +128,7 @@ class Built:
         edits."""
         refuse_excluded(self.scene, self.collection)
         own_groups.refuse_stand_ins(self.materials)
-        stored = self._read_marks()  # first: present marks can be read only where these can be compared with them
+        stored = self._read_marks()  # first: present marks are read only if they can be compared with these
         found = yield from read_marks_in_steps(self.collection)
         by_hand = sorted(find_differing(found.parts, stored))
         if not by_hand and "added" not in found.parts:

@@ -75,7 +75,7 @@ _LEGEND_ICONS = {
     "right": "BLANK1",
     "unknown": "COLORSET_13_VEC",
 }
-#: How far marks lie above the ground, metres.
+#: Height of marks above the ground, m.
 _ABOVE_M = 0.01
 #: Half the thickness of the lines of marks, m, and number of points of a ring.
 _LINE_RADIUS_M, _RING_POINTS = 0.006, 48

@@ -69,7 +69,7 @@ from .surface.patches_and_grain import mark_elevation
 from .surface.sheltered_ground import check_shelter, mark_shelter
 from .tree.builder import copy_values
 
-#: Maximum number of rocks on coarse ground, which are those that look largest.
+#: Maximum number of rocks on coarse ground. They are the rocks that look largest.
 MAX_ROCKS = 1000
 #: Maximum number of rocks that follow a slider.
 MAX_MOVED_ROCKS = 500
@@ -145,7 +145,7 @@ def put_coarse_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeOb
     built = scenes.put_in_scene(scene, settings, made)
     built.remember(settings, select_geometry(settings))
     mark_as_preview(built, settings)
-    return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
+    return replace(built, warnings=())  # they are about the coarse ground, and the fine ground brings its own
 
 
 def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:

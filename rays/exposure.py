@@ -14,7 +14,8 @@ from .surface import Tracer
 
 #: Directions from which grains come, if they come from a cone.
 _DIRECTIONS = 16
-#: Height above a vertex at which its rays start, and share of its distance from the origin that single precision takes.
+#: Height above a vertex at which its rays start, m, and the share of its distance from the origin that is added because
+#: of single precision.
 _LIFT_M, _LIFT_SHARE = 1e-3, 1e-6
 #: Number of vertices whose rays are traced at a time.
 _VERTICES_AT_ONCE = 2**18

@@ -54,8 +54,8 @@ _FIRST_HALF_SAMPLES = 8
 #: Height above the ground, m, of the eye for which the share of indirect light is measured: the height of a mast.
 _EYE_HEIGHT_M = 1.5
 #: Factor by which the bake stays below quality.bake_noise, over all light in the direction with most indirect light.
-#: Images show other parts of the ground, and an image above the limit is traced in the end, which costs more than some
-#: more samples.
+#: Images show other parts of the ground, and an image above the limit must be traced in the end, which costs more than
+#: additional samples.
 _NOISE_MARGIN = 1.1
 #: Samples of the direct light. A few are enough, because only the mean over the ground is needed.
 _DIRECT_LIGHT_SAMPLES = 2
@@ -64,7 +64,7 @@ _OPEN_SKY_SAMPLES = 8
 #: Most samples of each of the three texels of a rock's point.
 _MAX_ROCK_SAMPLES = 16
 _LIGHT_OF_NO_ROCKS = np.zeros((0, TERM_COUNT, 3), np.float32)
-#: By light group: parts of names and seeds that tell its bakes from the Sun's.
+#: By light group: parts of names and seeds that distinguish its bakes from the Sun's bakes.
 _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 

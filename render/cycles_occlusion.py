@@ -15,8 +15,8 @@ from ..support.arrays import Array
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
-#: Offsets from a pixel's centre to the rays between it and the next pixel. ``python benchmarks occlusion`` measures how
-#: many more pixels further rays find.
+#: Offsets from a pixel's centre to the rays between it and the next pixel. ``python benchmarks occlusion`` measures the
+#: number of pixels that more rays would find.
 STEPS_PX = (0.25, 0.5, 0.75)
 
 

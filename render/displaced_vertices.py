@@ -44,7 +44,8 @@ _SOLVED_FACETS = 250_000
 #: Smallest determinant of the corner weights at texels from which shifts are solved. It is 0.25 for triangles and above
 #: 0.1 for quadrilaterals; only facets too narrow for single precision have less.
 _MIN_DETERMINANT = 0.05
-#: Weight of a narrow facet beside the other facets around a vertex, so it counts only alone.
+#: Weight of a narrow facet beside the other facets around a vertex. It is so small that the facet counts only if it is
+#: alone.
 _NARROW_FACET_WEIGHT = 1e-6
 _TEMPORARY_NAME = "Icy Moon Moved"
 

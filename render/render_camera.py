@@ -30,7 +30,7 @@ SAMPLE_OFFSET_PX = 5.4e-4
 #: Largest turn of a camera with a rolling shutter between two of Cycles' steps, in degrees. The straight line between
 #: them is off by 4e-5 of the baseline, so by 4e-5 of the disparity.
 _MAX_TURN_PER_STEP_DEG = 1.0
-#: Property groups of a lens; Cycles' own properties are one until 4.5.
+#: Property groups of a lens. Until Blender 4.5, Cycles' own properties are one of them.
 _LENS_GROUPS = ("stereo", "dof", "cycles")
 _COMMON_PROPERTIES = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
 
@@ -185,7 +185,7 @@ def _find_shutter(blur: Blur, exposure_s: float, camera: StereoCamera) -> _Shutt
         return _Shutter(exposure_s)
     row_s = blur.readout_s / max(1, camera.height_px - 1)
     seconds = exposure_s + camera.rendered_px[1] * row_s
-    # Cycles moves the right eye on straight lines between steps, and it really moves on an arc.
+    # Between steps, Cycles moves the right eye on straight lines, although it really moves on an arc.
     parts = max(1.0, float(np.linalg.norm(blur.turn_deg_s)) * seconds / _MAX_TURN_PER_STEP_DEG)
     return _Shutter(seconds, exposure_s / seconds, row_s / 2, max(1, math.ceil(math.log2(parts))))
 

@@ -351,7 +351,7 @@ def _prepare_cycles(
         scene.cycles.max_bounces = 0
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine, built.lamps)
     lights = separate_lights.list_light_passes(scene, built)
-    # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
+    # Cycles does not keep objects that move during a render, nor surfaces that change between two renders.
     scene.render.use_persistent_data = (
         not blurred
         and len(lights) == 1
@@ -441,7 +441,7 @@ def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or remove this cause."
+            f"The truth {whose} must come from rays, which is not possible here: {reason}; {fix}, or remove this cause."
         ) from None
 
 

@@ -17,7 +17,7 @@ _MAX_RAYS = 2**16
 _SPHERES_PER_GROUP = 8
 #: Bits per axis by which the order of spheres tells their places apart.
 _BITS_PER_AXIS = 10
-#: Share by which spheres are larger than their contents, above the error of single precision.
+#: Share by which spheres are larger than their contents; it exceeds the error of single precision.
 _SPHERE_MARGIN = 1e-5
 #: Cosine of half the angle between rays. Bundles wider than that are tested against everything.
 _MIN_BUNDLE_COSINE = 0.1

@@ -15,7 +15,7 @@ from ...support.steps import Steps, finish
 from .mesh_arrays import LARGE_BYTES, get_memory, read_property
 
 _BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
-#: How attributes of each type are read: type of the array, name of the property, numbers for each element.
+#: Way to read the attributes of each type: type of the array, name of the property, numbers for each element.
 READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
     "FLOAT": (np.float32, "value", 1),
     "INT": (np.int32, "value", 1),

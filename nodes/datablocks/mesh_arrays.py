@@ -11,8 +11,8 @@ from numpy.typing import DTypeLike
 from ...support.arrays import Array
 from ...support.steps import Steps
 
-#: Size of arrays above which a thread gets their memory and works on them: the corners of three million triangles take
-#: 0.05 s of each.
+#: Bytes of an array above which a thread allocates it and works on it. For the corners of three million triangles, each
+#: takes 0.05 s.
 LARGE_BYTES = 2**20
 
 

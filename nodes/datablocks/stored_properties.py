@@ -252,7 +252,7 @@ def list_stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str
 
 def _belongs_to_add_on(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
     """Return whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
-    # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, in the way of add-ons.
+    # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, as add-ons do.
     by_blender = (
         issubclass(struct, (bpy.types.PropertyGroup, bpy.types.Node))
         or struct.bl_rna.identifier == "GeometryNodesModifierInterface"

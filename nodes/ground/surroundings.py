@@ -28,12 +28,12 @@ from ...support.number_text import format_count
 _BAND_PIXELS, _BAND_SHARE = 2.0, 0.25
 #: Minimum margin around the patch that holds the whole band, as a share of the fine map's width.
 _MIN_MARGIN = 1 / 16
-#: Width in pixels of the squares of the last map of which half must be known: it has ground within half of that of
-#: known pixels.
+#: Width in pixels of squares of the last map. A square counts if half of it is known, so there is ground up to half
+#: this width from known pixels.
 _GAP_PIXELS = 16.0
 #: Offset between two maps that gives a warning: a tenth of a coarse pixel, and at least a metre.
 _OFFSET_PIXELS, _MIN_OFFSET_M = 0.1, 1.0
-#: Numbers of directions in which the end of the ground is looked for: all around the site, and in the view.
+#: Numbers of directions in which the end of the ground is searched: all around the site, and in the view.
 _ALL_AROUND, _IN_VIEW = 360, 91
 
 
@@ -175,10 +175,10 @@ def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, cove
     if abs(blended.offset_m) <= most_m and blended.apart_m <= most_m:
         return []
     return [
-        f"Where {of.path.name} goes over into {coarse.name}, it is {abs(blended.offset_m):.4g} m "
-        f"{'higher' if blended.offset_m > 0 else 'lower'} on average; this was evened out in {coarse.name}. Then they "
-        f"differ by {blended.apart_m:.3g} m (RMS). More than {most_m:.3g} m suggests other height systems or places; "
-        "check both."
+        f"Where {of.path.name} is blended into {coarse.name}, it is {abs(blended.offset_m):.4g} m "
+        f"{'higher' if blended.offset_m > 0 else 'lower'} on average; {coarse.name} was moved by this offset. After "
+        f"that, the two differ by {blended.apart_m:.3g} m (RMS). More than {most_m:.3g} m suggests that their height "
+        "systems or places differ; check both."
     ]
 
 

@@ -473,8 +473,9 @@ def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[
     if settings.source.site == "OFFSET" or has_surroundings(settings) or nearest >= size_m / 2 - pixel_m:
         return []
     return [
-        f"{path.name}: ends {nearest:.4g} m {side} of the site by the map's up, and the ground ends there, nearer than "
-        f"half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map that reaches farther."
+        f"{path.name}: ends {nearest:.4g} m {side} of the site, with north up on the map, and the ground ends there. "
+        f"This is nearer than half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map that "
+        "reaches farther."
     ]
 
 

@@ -23,7 +23,8 @@ from .materials import build_materials
 
 #: Property of the body: heights in metres of the ground under the pads, relative to the ground under the left camera.
 PADS = "icymoon_pads_m"
-#: Colour of links in a view of vertex colours, which links do not have: grey, which stands for no value of the ground.
+#: Colour of links in a view of vertex colours. Links have none, so they are grey, which stands for no value of the
+#: ground.
 _VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
 _LANDER_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.

@@ -170,9 +170,9 @@ def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
         return lacking
     return [
         *lacking,
-        f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
-        f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
-        f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast.",
+        f"{show_rounded(100 * share)} % of the albedo image reflect more light than they receive, up to "
+        f"{show_rounded(reflected[-1])} times as much, because the albedo of the surface is the mean of the image; "
+        f"lower the albedo to at most {show_rounded(mean / values[-1])}, or choose an image with less contrast.",
     ]
 
 

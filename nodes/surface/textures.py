@@ -120,7 +120,7 @@ class UVSampler(Sampler):
         self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
 
     def sample_normal(self, of: Map) -> Socket:
-        # The node uses the normal before displacement. So its change of that normal is added to the true one.
+        # The node uses the normal before displacement. So its change of that normal is added to the true normal.
         mapped, level = (
             self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
             for label, colour in (

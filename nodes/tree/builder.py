@@ -285,7 +285,7 @@ class Tree:
         """Add a node that interpolates colours (n, 3) linearly at ``place``, and return it. Their positions are n
         numbers from 0 to 1, with the first and the last at the ends."""
         node = self.node("ShaderNodeValToRGB", label, {"Fac": place})
-        elements = node.color_ramp.elements  # at first two, at 0 and 1
+        elements = node.color_ramp.elements  # two at first, at 0 and 1
         for position in positions[1:-1]:
             elements.new(position)
         for element, colour in zip(elements, colours, strict=True):

@@ -48,7 +48,7 @@ class FollowedTree(Tree):
             node.name: node for node in node_tree.nodes if node.name not in without and (not only or node.name in only)
         }
         self._left = set(self._nodes)
-        self._times: dict[str, int] = {}  # how many nodes each label was given to
+        self._times: dict[str, int] = {}  # number of nodes that have got each label so far
         self._sources = {
             (link.to_node.name, link.to_socket.identifier): (link.from_node.name, link.from_socket.identifier)
             for link in node_tree.links

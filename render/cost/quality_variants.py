@@ -35,7 +35,7 @@ from .estimate import estimate_work
 _FULL_BUILD = Abilities()
 #: Topics of settings by the name of the variant.
 _Parts = dict[str, dict[str, dict[str, Any]]]
-#: Groups of variants, with their meanings.
+#: Groups of variants, each with its meaning.
 GROUPS = {
     "samples": "samples per pixel, with and without a denoiser",
     "bounces": "maximum number of diffuse bounces",
@@ -357,7 +357,8 @@ _PARTS_BY_GROUP: dict[str, Callable[[Settings], _Parts]] = {
     "threshold": _list_thresholds,
     "indirect": _list_baked,
     "shortcuts": _list_left_out,
-    # ``files`` does not count in ids, so these are of the same render; they differ by what the files lose.
+    # ``files`` does not count in ids, so these variants are of the same render; they differ by the precision that the
+    # files lose.
     "files": lambda _: {
         "compact": {"quality": {"files": "COMPACT"}},
         "all in 32 bits": {"quality": {"files": "FULL", "half_floats": "NONE"}},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-#: Pattern of their names, see ``our_files``. Names of cameras have no full stop.
+#: Pattern of the files' names. Names of cameras have no full stop.
 PATTERN = r"camera_[A-Za-z0-9_-]{1,40}(\.truth)?\.exr"
 
 

@@ -164,7 +164,7 @@ _PAIR_FILES_SHAPE = {"files": Each(TABLE, FILE_NAME, _IMAGE_FILES)}
 _HEAD_ONLY = {"settings": {"rig": {"images": Kind("HEAD", "HEAD".__eq__)}}}
 _MATRIX_BY_EYE = Maybe(dict.fromkeys(EYES, MATRIX))
 _NAMED_NUMBERS = Maybe(Each(NUMBER, TEXT))
-#: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
+#: Entries of ``pair.json`` that are read here; for the settings see ``settings.check``.
 _PAIR_SHAPE = {
     "format": TEXT,
     "version": COUNT,

@@ -81,8 +81,8 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
                 f"{dataset} contains another data set: {len(lacking)} of its "
                 f"{format_count(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
                 f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
-                "set, use icymoon work. For this plan choose another folder, or let it have those "
-                "pairs too."
+                "set, use icymoon work. For this plan choose another folder, or add those pairs to "
+                "it."
             )
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known

@@ -171,7 +171,7 @@ def _read_trajectory_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
     poses = found.poses.at_rate(rate) if rate is not None else found.poses
     if not found.stamped and rate is None and len(poses) > 1:
         raise IcyMoonError(
-            f"{sweep.place.at('file')}: {_find_file(sweep)} has no stamps; state times, a file of them, or rate_hz."
+            f"{sweep.place.at('file')}: {_find_file(sweep)} has no stamps; state times, a file of stamps, or rate_hz."
         )
     poses = poses.every(int(every))
     late = np.flatnonzero(np.diff(poses.seconds) <= 0)

@@ -60,10 +60,10 @@ class Claims:
         self._dataset = dataset
         self._folder = dataset / CLAIMS_FOLDER
         self._pairs = pairs_folder(dataset)
-        # Tells a claim of ours from another process' claim that got the same name later.
+        # Distinguishes a claim of ours from another process' claim that got the same name later.
         self._key = secrets.token_hex(8)
         self._held: dict[str, Path] = {}
-        # Claims whose time is in the future: that time, and the time when it was seen.
+        # Claims whose time is in the future: this time, and the time when it was first seen.
         self._ahead: dict[Path, tuple[float, float]] = {}
         self._heard = time.monotonic()
         self._stop = threading.Event()

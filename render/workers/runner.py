@@ -76,7 +76,7 @@ class _Worker:
     pairs: list[PlannedPair]
     place: int = 0  # number among the workers that run at the same time
     heard: float = field(default_factory=time.monotonic)
-    looked: float = -math.inf  # when the disk was last searched for its pairs
+    looked: float = -math.inf  # time of the last search on the disk for its pairs
     left: list[PlannedPair] = field(default_factory=list)  # its pairs that were missing then
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # the finished fraction of that pair
