@@ -474,8 +474,8 @@ def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[
         return []
     return [
         f"{path.name}: ends {nearest:.4g} m {side} of the site, with north up on the map, and the ground ends there. "
-        f"This is nearer than half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map that "
-        "reaches farther."
+        f"This is nearer than half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map "
+        "that reaches farther."
     ]
 
 
