@@ -459,14 +459,14 @@ def _record_build(built: Built, made: MadeObjects) -> None:
         others = {part.split()[0] for part in known} - {MAKER, "terrain"}
         marks = update_marks(collection, known, *others, "terrain object", "terrain materials", "added")
     else:
-        _record_ground(built, made)
+        _describe_ground(built, made)
         marks = read_parts(collection)
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(marks), "{}"
     collection[NOTES] = "[]"
     collection.pop(REFINED, None)
 
 
-def _record_ground(built: Built, made: MadeObjects) -> None:
+def _describe_ground(built: Built, made: MadeObjects) -> None:
     """Record the ground of a build in the collection, and add the warnings about its meshes to the build."""
     collection, settings, own = built.collection, built.settings, made.own
     on_map = {"map": own.map_place} if own and own.map_place else {}

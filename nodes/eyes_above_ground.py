@@ -72,12 +72,12 @@ def find_reasons(
         ):
             position = Vector(pose[:3, 3].tolist())
             place = turn @ position if camera.frame == "RIG" else position
-            where = _find_depth_m(test_scene, layer.depsgraph, place)
+            where = _find_obstacle(test_scene, layer.depsgraph, place)
             found.append(describe_obstructed_camera(built.settings.rig.head_file, camera.name, where))
         for k, (item, lamp) in enumerate(zip(built.lamps, built.settings.light.lamps, strict=False)):
             position = find_lamp_matrix(item).translation
             place = turn @ position if lamp.place == "CAMERA" else position
-            found.append(describe_buried_lamp(k, _find_depth_m(test_scene, layer.depsgraph, place)))
+            found.append(describe_buried_lamp(k, _find_obstacle(test_scene, layer.depsgraph, place)))
     return [sentence for sentence in found if sentence]
 
 
@@ -100,13 +100,13 @@ def _make_rotation(about: Array, turn_deg: float) -> Matrix:
 def _find_eye_reason(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector
 ) -> str:
-    rig, depth_m = built.settings.rig, _find_depth_m(scene, depsgraph, position)
+    rig, depth_m = built.settings.rig, _find_obstacle(scene, depsgraph, position)
     if depth_m is None:
         return ""
     return describe_eye_in_rock(rig, eye) if math.isinf(depth_m) else describe_buried_eye(rig, eye, depth_m)
 
 
-def _find_depth_m(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
+def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
     """Find the depth in metres of a point under the ground, negative for a point just above the ground, and infinite in
     a rock; None if the point is free."""
     role, distance, leaves = cast_ray(scene, depsgraph, position, _UP)

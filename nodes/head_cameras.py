@@ -44,7 +44,7 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
     cameras = read_head_cameras(settings)
     if not cameras:
         return []
-    places = _find_camera_places(cameras, np.array(rig.matrix_world), terrain)
+    places = _find_places(cameras, np.array(rig.matrix_world), terrain)
     made = []
     for camera, (ground_m, world) in zip(cameras, places, strict=True):
         depth_m = ground_m - world[2, 3]
@@ -75,9 +75,7 @@ def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> s
     return f"{file}: the camera {name} is {describe_depth(depth_m)}; raise its position_m."
 
 
-def _find_camera_places(
-    cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types.Object
-) -> list[tuple[float, Array]]:
+def _find_places(cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types.Object) -> list[tuple[float, Array]]:
     """Find for each camera the height in metres of the ground beneath it (NaN outside the ground), and its matrix (4,
     4) in the world, in Blender's axes."""
     flip = np.eye(4)

@@ -12,7 +12,7 @@ import bpy
 
 from ..support.blender import compat
 from .datablocks.fingerprint import OWN, TAG
-from .datablocks.stored_properties import list_stored_properties
+from .datablocks.stored_properties import stored_properties
 from .remove_objects import find_leftovers, remove_if_unused
 
 #: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately. Blender 5.2 makes
@@ -89,7 +89,7 @@ def _copy_properties(old: bpy.types.ID, new: bpy.types.ID) -> None:
     """Copy the properties that a render can show from ``new`` to ``old``; properties of the window stay."""
     kind: Any = type(new)
     # The rotation mode comes first: Blender converts all rotations when it changes.
-    for name, how in sorted(list_stored_properties(kind), key=lambda each: each[0] != "rotation_mode"):
+    for name, how in sorted(stored_properties(kind), key=lambda each: each[0] != "rotation_mode"):
         value = getattr(new, name)
         if name in _SET_SEPARATELY or how == "items":
             continue

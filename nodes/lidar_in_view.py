@@ -80,7 +80,7 @@ def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: i
     )
     item.modifiers.new(_LIMIT, "NODES").node_group = _build_limit()
     _link(scene, item)
-    recolour_points(scene, kind)
+    recolour(scene, kind)
     limit_points(scene, count)
     return item
 
@@ -119,7 +119,7 @@ def limit_points(scene: bpy.types.Scene, count: int) -> None:
         next(socket for socket in node.inputs if socket.identifier == "Value_001").default_value = count - 0.5
 
 
-def recolour_points(scene: bpy.types.Scene, kind: str) -> None:
+def recolour(scene: bpy.types.Scene, kind: str) -> None:
     """Colour the points that are shown, if any, by a ``kind`` of ``ATTRIBUTES``."""
     item = find_points(scene)
     if item is not None and (values := _read_values(item.data)) and _COLOUR in item.data.color_attributes:
@@ -170,7 +170,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     beams = pattern.make_chosen(pattern.choose_spread(_MAX_ROWS, _MAX_COLUMNS))
     direction = beams.direction @ pose.rotation.T
     farthest = min(lidar.instrument.farthest_m, 1e5)
-    length = np.array([_find_hit_distance_m(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
+    length = np.array([_find_hit(scene, depsgraph, pose.position_m, each, farthest) for each in direction])
     hit = np.isfinite(length)
     told = f"{hit.sum()} of {format_count(len(hit), 'beam')} meet the ground", describe_ranges(length)
     typical = float(np.median(length[hit])) if hit.any() else _MISSED_M
@@ -192,7 +192,7 @@ def find_sensor_pose(built: Built, lidar: LidarFile) -> SensorPose:
     return mount_on_rig(eyes["left"], lidar.aim)
 
 
-def _find_hit_distance_m(
+def _find_hit(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Array, direction: Array, farthest_m: float
 ) -> float:
     """Find the distance in metres at which a beam hits something; infinite if it hits nothing."""

@@ -247,7 +247,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         is_ground = any(part.startswith("terrain") for part in by_hand)
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if is_ground else "field of rocks"))
     ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MAX_MOVED_ROCKS)
-    rocks = _scatter_largest_rocks(settings, ground.surface) if settings.rocks.coverage > 0 else None
+    rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     check_shelter(settings)
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear_painted(built.scene)  # the painted errors are of the previous ground
@@ -269,7 +269,7 @@ def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]
     return find_rock_shapes(rocks, int(settings.dataset.seed))[-1:]
 
 
-def _scatter_largest_rocks(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
+def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
     """Scatter the rocks of the settings that look largest, with the coarsest shapes."""
     rocks, rig = make_paths_absolute(settings).rocks, settings.rig
     step_m = compute_vertex_spacing_m(settings.terrain)
@@ -453,7 +453,7 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
-def _has_site_changed(built: scenes.Built, rig: RigSettings) -> bool:
+def _has_moved(built: scenes.Built, rig: RigSettings) -> bool:
     """Return whether the ground under the cameras of ``rig`` may differ from the ground under the rig of the build."""
     of_build = built.settings.rig
     return (rig.x_m, rig.y_m) != (of_build.x_m, of_build.y_m) or "ZERO" in (rig.height_from, of_build.height_from)
@@ -465,7 +465,7 @@ def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None
 
     On ground from a file, away from the site where it was built, the height is read from the mesh and only approximate.
     """
-    rig, moved = settings.rig, _has_site_changed(built, settings.rig)
+    rig, moved = settings.rig, _has_moved(built, settings.rig)
     if not is_from_file(settings):
         if not moved and ground is None and not set(built.preview) - {"rig"}:
             return built.site_m
@@ -482,7 +482,7 @@ def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None
 def _show_rig(built: scenes.Built, settings: Settings, site_m: float) -> None:
     """Move the camera to the site of ``settings``, where the ground has the height ``site_m`` in metres."""
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
-    built_rig, moved = built.settings.rig, _has_site_changed(built, settings.rig)
+    built_rig, moved = built.settings.rig, _has_moved(built, settings.rig)
     if not is_from_file(settings):
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(

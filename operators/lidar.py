@@ -211,7 +211,7 @@ def _follow_choices(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Show the points again, in the number and colours that the panel states."""
     if scene is not None and LIDAR_POINTS in effects:
         lidar_in_view.limit_points(scene, scene.icymoon.lidar.points)
-        lidar_in_view.recolour_points(scene, scene.icymoon.lidar.colour)
+        lidar_in_view.recolour(scene, scene.icymoon.lidar.colour)
 
 
 CLASSES = (ICYMOON_OT_scan_lidar, ICYMOON_OT_show_scan, ICYMOON_OT_show_beams, ICYMOON_OT_hide_scan)

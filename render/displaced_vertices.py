@@ -212,7 +212,7 @@ def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array
         (((0, 1, 2), (0, 1, 2)),) if sides == 3 else (((0, 1, 2), (0, 1, 3)), ((0, 2, 3), (1, 2, 3)))
     ):
         of = np.where(across[:, None], turned, straight)
-        own = _compute_barycentric(np.take_along_axis(corners, of[..., None], axis=1), rest)
+        own = _barycentric(np.take_along_axis(corners, of[..., None], axis=1), rest)
         new = np.zeros_like(weights)
         np.put_along_axis(new, np.broadcast_to(of[:, None], own.shape), own, axis=2)
         nearer = own.min(axis=2) > least
@@ -223,7 +223,7 @@ def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array
     return np.linalg.solve(weights, shift), sure
 
 
-def _compute_barycentric(triangles: Array, points: Array) -> Array:
+def _barycentric(triangles: Array, points: Array) -> Array:
     """Compute the barycentric coordinates (n, k, 3) of points (n, k, 3) near triangles (n, 3, 3); 0 for triangles
     without area."""
     sides = triangles[:, 1:] - triangles[:, :1]

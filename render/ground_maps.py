@@ -100,7 +100,7 @@ def make_heights(rays: SceneRays, extent: Extent) -> Array:
     made = []
     for rocks in (True, False):
         with rays.open_ground(rocks) as (world, tracer):
-            made.append(_compute_cell_medians(_find_heights(world, tracer, fine)))
+            made.append(_median_by_cell(_find_heights(world, tracer, fine)))
     return np.stack(made).astype(np.float32)
 
 
@@ -125,7 +125,7 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
     return heights.reshape(extent.rows, extent.columns)
 
 
-def _compute_cell_medians(height_m: Array) -> Array:
+def _median_by_cell(height_m: Array) -> Array:
     """Compute the medians of squares of ``PLACES_PER_SIDE`` rows and columns; NaN where one of the heights is
     unknown."""
     rows, columns = (count // PLACES_PER_SIDE for count in height_m.shape)

@@ -55,15 +55,15 @@ def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
 
 def read_smooth_shading(mesh: bpy.types.Mesh) -> Array:
     """Read the facets of a mesh that are shaded smoothly, as bool (n,)."""
-    return ~_read_facet_attribute(mesh, "sharp_face", bool)
+    return ~_read_facets(mesh, "sharp_face", bool)
 
 
 def read_material_slots(mesh: bpy.types.Mesh) -> Array:
     """Read the material slot (n,) int32 of each facet of a mesh."""
-    return _read_facet_attribute(mesh, "material_index", np.int32)
+    return _read_facets(mesh, "material_index", np.int32)
 
 
-def _read_facet_attribute(mesh: bpy.types.Mesh, name: str, kind: type) -> Array:
+def _read_facets(mesh: bpy.types.Mesh, name: str, kind: type) -> Array:
     """Read the values (n,) of an attribute of facets; 0 if the mesh lacks it."""
     values: Array = np.zeros(len(mesh.polygons), kind)
     attribute = mesh.attributes.get(name)

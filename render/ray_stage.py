@@ -185,7 +185,7 @@ def _collect_parts(scene: bpy.types.Scene, still_m: float) -> tuple[list[_Labell
     """Collect the meshes of a scene with their triangles, and the reasons why other objects are refused."""
     found = _find_meshes(scene, read=True)
     for key, (mesh, labels) in found.moved.items():
-        found.parts[key].shape = _read_moved_shape(mesh, labels, found.parts[key].places[0], still_m)
+        found.parts[key].shape = _read_moved(mesh, labels, found.parts[key].places[0], still_m)
     return list(found.parts.values()), found.refused
 
 
@@ -289,7 +289,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     )
 
 
-def _read_moved_shape(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
+def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
     """Read the triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
     vertices, groups = displace_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)

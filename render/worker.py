@@ -151,18 +151,18 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
     # Each pair is built from its own settings, so no rig has to be turned.
     return [
         PlannedPair(pair.id, pair.settings, 0.0)
-        for pair in expand_headings(settings, make_build_facts(settings) + _make_repeat_text(job))
+        for pair in expand_headings(settings, make_build_facts(settings) + _repeat_text(job))
     ]
 
 
-def _read_first_settings(job: dict[str, Any]) -> Settings:
+def _first_settings(job: dict[str, Any]) -> Settings:
     """Read the settings of a job's scene, or of its first pair."""
     if job.get("pairs"):
         return read_planned_pairs({**job, "pairs": job["pairs"][:1]})[0].settings
     return merged(defaults(), check(job.get("settings", {}), "job"))
 
 
-def _make_repeat_text(job: dict[str, Any]) -> str:
+def _repeat_text(job: dict[str, Any]) -> str:
     """Return the text that distinguishes the pairs of another repeat; empty for the first."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
@@ -176,7 +176,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
         render_pairs(built, pairs, dataset, frame, 0.0, send, again)
     else:
         pairs = list_job_pairs(job)
-        with ScenesFromSettings(lambda warning: send("warning", message=warning), _make_repeat_text(job)) as source:
+        with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as source:
             render_from(source, pairs, dataset, send, again, bool(job.get("pairs")))
     send("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
 
@@ -194,7 +194,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
         raise IcyMoonError(f"{job['blend']} contains no built Icy Moon scene; press Build Scene and render again.")
     separate_from_copies(built)
     settings = merged(defaults(), check(job["settings"], "job"))
-    return built, scene.frame_current, expand_headings(settings, built.extra + _make_repeat_text(job))
+    return built, scene.frame_current, expand_headings(settings, built.extra + _repeat_text(job))
 
 
 def main(arguments: list[str]) -> int:
@@ -205,7 +205,7 @@ def main(arguments: list[str]) -> int:
         job.update(read_job(Path(arguments[0])))
         run_job(job)
 
-    run_to_exit(run, lambda: describe_shortage(_read_first_settings(job)))
+    run_to_exit(run, lambda: describe_shortage(_first_settings(job)))
 
 
 def run_to_exit(run: Callable[[], None], describe_no_memory: Callable[[], str]) -> NoReturn:

@@ -19,7 +19,7 @@ from ...support.blender import compat
 from ...support.files import hash_file
 from .array_marks import list_attribute_marks, list_mesh_marks, mark_array
 from .mesh_arrays import read_property
-from .stored_properties import OF_THE_VIEW, list_stored_properties
+from .stored_properties import OF_THE_VIEW, stored_properties
 
 #: Modifiers whose result is in a cache or comes from particles.
 _SIMULATION_MODIFIERS = {
@@ -119,7 +119,7 @@ class BlockHasher:
             return ["up"]
         self._structs.append(key)
         found: list[Any] = [kind.bl_rna.identifier]
-        for name, how in list_stored_properties(kind):
+        for name, how in stored_properties(kind):
             if name not in omit:
                 found.append((name, self._read_property(struct, name, how)))
         self._structs.pop()

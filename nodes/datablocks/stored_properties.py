@@ -226,7 +226,7 @@ def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
 
 
 @lru_cache(maxsize=1024)
-def list_stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ...]:
+def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ...]:
     """List (name, kind) of each property of a structure that counts. ``kind`` is the way to read it: ``value``,
     ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``."""
     fixed = set().union(*(_STORED_READ_ONLY.get(kind, set()) for kind in _list_kinds(struct)))

@@ -102,7 +102,7 @@ class DugGround(MeshedGround):
 
 
 @dataclass(frozen=True)
-class _PreparedGround:
+class _Prepared:
     """Ground with its patch untouched, and the states that have been dug."""
 
     key: str
@@ -114,7 +114,7 @@ class _PreparedGroundCache:
     """The ground that was prepared last. One thread at a time uses it, since the window makes its fine ground in a
     thread."""
 
-    prepared: _PreparedGround | None = None
+    prepared: _Prepared | None = None
     lock = threading.Lock()
 
 
@@ -146,7 +146,7 @@ def _make_untouched(settings: Settings) -> Terrain:
     return make_terrain(settings, int(settings.dataset.seed))
 
 
-def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround]) -> _PreparedGround:
+def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround]) -> _Prepared:
     key = _make_ground_key(settings, mesh is mesh_ground)
     if _PreparedGroundCache.prepared is None or _PreparedGroundCache.prepared.key != key:
         _PreparedGroundCache.prepared = None  # its memory is needed now
@@ -157,7 +157,7 @@ def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], Mesh
         loose = None if made.loose_m is None else made.surface.measure_loose(x, y, 2 * site.grid.cell_m)
         joined = join_patch(made, site.grid, before, loose)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
-        _PreparedGroundCache.prepared = _PreparedGround(
+        _PreparedGroundCache.prepared = _Prepared(
             key,
             joined,
             ExcavationSeries(
@@ -171,7 +171,7 @@ def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], Mesh
     return _PreparedGroundCache.prepared
 
 
-def _dig_state(prepared: _PreparedGround, state: int) -> DugGround:
+def _dig_state(prepared: _Prepared, state: int) -> DugGround:
     """Make the ground in a state: with the heights of its patch, and flat faces where it was dug."""
     ground, series = prepared.ground, prepared.series
     layers = series.at(state).layers

@@ -32,7 +32,7 @@ def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
     scene = bpy.data.scenes.new("Icy Moon Probe")
     points = bpy.data.objects.new("Icy Moon Probe", bpy.data.meshes.new("Icy Moon Probe"))
     near = bpy.data.objects.new("Icy Moon Probed", bpy.data.meshes.new("Icy Moon Probed"))
-    choose_faces = _make_face_chooser(ground, near.data) if _is_mesh_in_place(ground) else None
+    choose_faces = _make_chooser(ground, near.data) if _is_mesh_in_place(ground) else None
     try:
         drop = points.modifiers.new("Drop", "SHRINKWRAP")
         drop.target, drop.wrap_method, drop.wrap_mode = near if choose_faces else ground, "PROJECT", "ON_SURFACE"
@@ -61,7 +61,7 @@ def _is_mesh_in_place(ground: bpy.types.Object) -> bool:
     return not (moves or changes)
 
 
-def _make_face_chooser(ground: bpy.types.Object, near: bpy.types.Mesh) -> Callable[[Array, Array], bool]:
+def _make_chooser(ground: bpy.types.Object, near: bpy.types.Mesh) -> Callable[[Array, Array], bool]:
     """Make a function that fills the mesh ``near`` with the faces of a ground that can lie under points, and returns
     whether there are any. Blender's tree of all triangles would take most of the time."""
 

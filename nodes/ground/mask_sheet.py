@@ -41,7 +41,7 @@ def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -
     with probe_heights(ground) as height_at:
         heights = height_at(x_m, y_m)
     heights = np.where(np.isnan(heights), np.nanmin(heights) if np.isfinite(heights).any() else 0.0, heights)
-    z_m = _find_highest_neighbours(heights) + _LIFT * size_m / SIDE
+    z_m = _find_highest(heights) + _LIFT * size_m / SIDE
     places = np.stack([x_m, y_m, z_m], axis=-1).astype(np.float32)
     sheet.data.vertices.foreach_set("co", places.ravel())
     sheet.data.update()
@@ -56,7 +56,7 @@ def _make_grid() -> bpy.types.Mesh:
     return mesh
 
 
-def _find_highest_neighbours(heights: Array) -> Array:
+def _find_highest(heights: Array) -> Array:
     """Return, for each value of an array (n, n), the maximum of the value and its neighbours."""
     padded = np.pad(heights, 1, mode="edge")
     n = len(heights)

@@ -75,7 +75,7 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
     levels = plan_surroundings(settings, covers)
     gap_m, alone = _GAP_PIXELS * covers[-1].pixel_m, len(covers) == 1
     wide_m = gap_m if alone else 2.0 * _choose_band_m(covers, float(settings.terrain.size_m))
-    fine, said = _measure_fine_map(of, pixels, frame, levels, wide_m, settings)
+    fine, said = _measure_fine(of, pixels, frame, levels, wide_m, settings)
     if alone:  # the patch is the same as without surroundings, even with gaps
         west, east, south, north = of.surface.bounds_m
         x, y = levels[0].axis_m[None, :], levels[0].axis_m[:, None]
@@ -134,7 +134,7 @@ def _choose_band_m(covers: list[MapCover], size_m: float) -> float:
     return min(band_m, margin_m) if margin_m > _MIN_MARGIN * width_m else band_m
 
 
-def _measure_fine_map(
+def _measure_fine(
     of: MapOfSite,
     pixels: MapPixels | None,
     frame: MapFrame | None,

@@ -41,7 +41,7 @@ def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path |
         source = _make_light(f"{NAME} Lamp {k + 1}", lamp, light, spread)
         item = bpy.data.objects.new(source.name, source)
         item[TAG], item.lightgroup, item.visible_camera = ROLES[k], group, False
-        _place_lamp(item, lamp, camera)
+        _place(item, lamp, camera)
         made.append(item)
     return made
 
@@ -72,7 +72,7 @@ def _make_light(name: str, lamp: Lamp, light: LightSettings, spread: bpy.types.T
     return source
 
 
-def _place_lamp(item: bpy.types.Object, lamp: Lamp, camera: bpy.types.Object) -> None:
+def _place(item: bpy.types.Object, lamp: Lamp, camera: bpy.types.Object) -> None:
     """Put a lamp in its place. It shines along its own -z axis, as the camera looks."""
     if lamp.place == "SITE":
         toward = Vector(direction_toward(lamp.azimuth_deg, lamp.elevation_deg))

@@ -83,7 +83,7 @@ def _follow_planet(lamp: bpy.types.Light, planet: Planet) -> bool:
 
 
 def _fill_tree(tree: Tree, planet: Planet) -> None:
-    light = tree.emission("Planet", WHITE, _add_sunlit_cosine(tree, planet))
+    light = tree.emission("Planet", WHITE, _add_sunlit(tree, planet))
     tree.node("ShaderNodeOutputLight", "Light", {"Surface": light}, target="ALL")
     tree.arrange()
 
@@ -109,7 +109,7 @@ def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
     }
 
 
-def _add_sunlit_cosine(tree: Tree, planet: Planet) -> Socket:
+def _add_sunlit(tree: Tree, planet: Planet) -> Socket:
     """Add the cosine of the Sun's zenith distance on the planet in the direction of the light, and return its output
     socket.
 

@@ -59,10 +59,10 @@ def _fill_tree(tree: Tree, planet: Planet, colour: Array, distance_m: float, tra
     globe = _Globe(tree, planet, distance_m)
     face = FACES.get(planet.face)
     if face is None:
-        shade: Value = tree.math("MULTIPLY", "Sunlit", globe.incidence, globe.add_ring_transmission())
+        shade: Value = tree.math("MULTIPLY", "Sunlit", globe.incidence, globe.add_passed())
         light: Triple = (*map(float, colour), 1.0)
     else:
-        shade = globe.add_ring_transmission()
+        shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
     strength = tree.math("MULTIPLY", "Radiance", shade, make_ellipsoid(planet).full_radiance)
     passed = tree.attribute("Transmission", transmission)
@@ -111,7 +111,7 @@ class _Globe:
         )
         return self.tree.vector("ADD", label, a, up)
 
-    def add_ring_transmission(self) -> Value:
+    def add_passed(self) -> Value:
         """Add the share of the sunlight that the rings let through: a socket, or 1 without a shadow of the rings."""
         rise = float(self.planet.sun @ self.planet.pole)
         if not self.planet.rings or abs(rise) < 1e-6:

@@ -23,7 +23,7 @@ _BELOW_M = 1.0
 _BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 
 
-def compute_extinction_per_m(veil: VeilSettings) -> float:
+def extinction_1_m(veil: VeilSettings) -> float:
     """Compute the extinction in 1/m: the optical depth per metre of path."""
     return float(veil.optical_depth) / float(veil.top_m)
 
@@ -73,7 +73,7 @@ def _build_medium(veil: VeilSettings) -> bpy.types.Material:
     """Build a material without a surface. A share of the extinction is scattering, the rest absorption."""
     material = bpy.data.materials.new(f"{NAME} Veil")
     tree = Tree(compat.ensure_nodes(material))
-    density, share = compute_extinction_per_m(veil), (*[float(veil.grain_albedo)] * 3, 1.0)
+    density, share = extinction_1_m(veil), (*[float(veil.grain_albedo)] * 3, 1.0)
     scattered = tree.node(
         "ShaderNodeVolumeScatter",
         "Scattering",

@@ -80,13 +80,13 @@ def add_ground_colour(
         salt: Triple = salt_colour(surface, albedo)
         if ice is not None and surface.salt == "OWN":  # a factor on the ice
             salt = tree.vector("MULTIPLY", "Salt on Ice", ice, salt)
-        colour = _add_mixed_colour(tree, "Salt Colour", stained, tint, salt)
+        colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
     clean: Value = 1.0
     if surface.dirt != "BLACK":
         clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated, dirt_mask)
     if clean != 1.0:
         dirt = _divide_by_albedo(material_bands(surface.dirt), albedo)
-        return _add_mixed_colour(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)
+        return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)
     if isinstance(colour, tuple):
         return tree.combined("Ice Colour", *colour)
     return colour
@@ -97,7 +97,7 @@ def _divide_by_albedo(bands: tuple[float, float, float], albedo: float) -> tuple
     return red, green, blue
 
 
-def _add_mixed_colour(tree: Tree, label: str, share: Value, a: Triple, b: Triple) -> Socket:
+def _add_mix(tree: Tree, label: str, share: Value, a: Triple, b: Triple) -> Socket:
     """Mix two colours, ``b`` in this ``share`` of the area and ``a`` in the rest, and return the output socket."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
     return tree.mixed(label, share, a, b)

@@ -214,7 +214,7 @@ class _MaterialArguments(NamedTuple):
     painted: Painted | None
 
 
-def _list_ground_arguments(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
+def _describe_ground(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
     """Return the arguments from which ``build_ground_material`` makes the material."""
     return _MaterialArguments(
         simplify_surface(settings, "surface"),
@@ -229,7 +229,7 @@ def _list_ground_arguments(settings: Settings, mesh: bpy.types.Mesh, albedo_pass
     )
 
 
-def _list_rock_arguments(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
+def _describe_rock(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
     """Return the arguments from which ``build_rock_material`` makes the material."""
     topic, textured = "rock_surface" if settings.rocks.own_surface else "surface", _load_rock_textures(settings, mesh)
     surface, painted = simplify_surface(settings, topic), _load_painted(settings, topic)
@@ -247,13 +247,13 @@ def _build_named_material(name: str, arguments: _MaterialArguments) -> bpy.types
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """Build the material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
     available."""
-    return _build_named_material("Surface", _list_ground_arguments(settings, mesh, albedo_pass))
+    return _build_named_material("Surface", _describe_ground(settings, mesh, albedo_pass))
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """Build the material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a
     texture is not available."""
-    ice = _build_named_material("Rock Surface", _list_rock_arguments(settings, mesh, albedo_pass))
+    ice = _build_named_material("Rock Surface", _describe_rock(settings, mesh, albedo_pass))
     add_instance_label_pass(Tree(ice.node_tree, keep=True))
     return ice
 
@@ -261,7 +261,7 @@ def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: b
 def follow_ground_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
     """Give the unedited material of the ground the values for other settings; False if it needs other nodes, and then
     it must be built anew. Raises IcyMoonError, before any change, if a texture is not available."""
-    arguments = _list_ground_arguments(settings, mesh)
+    arguments = _describe_ground(settings, mesh)
     try:
         fill_material(material, FollowedTree(material.node_tree), *arguments)
     except OtherTreeError:
@@ -271,7 +271,7 @@ def follow_ground_material(material: bpy.types.Material, settings: Settings, mes
 
 def follow_rock_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
     """Give the unedited material of rocks the values for other settings, as ``follow_ground_material`` does."""
-    arguments = _list_rock_arguments(settings, mesh)
+    arguments = _describe_rock(settings, mesh)
     try:
         fill_material(material, FollowedTree(material.node_tree, without=LABEL_NODES), *arguments)
         add_instance_label_pass(FollowedTree(material.node_tree, only=LABEL_NODES))

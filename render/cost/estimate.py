@@ -184,9 +184,7 @@ def estimate_work(settings: Settings) -> Work:
     quality = choose_image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
-    relative = sum(
-        weight * _compute_sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True)
-    )
+    relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS_COST * (coverage > 0)
     samples = estimate_mean_samples(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
@@ -236,7 +234,7 @@ def estimate_bytes(settings: Settings) -> float:
     copies = 1.0 + (settings.rig.toe_in_deg != 0)
     truth = (
         _DEPTH_BYTES
-        + _compute_shape_bytes(settings, _NORMALS[NORMAL_PASS in rounded])
+        + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded])
         + _LOOSE_BYTES * settings.quality.loose_thickness
         if quality.truth == "FULL"
         else _DEPTH_BYTES
@@ -250,11 +248,11 @@ def estimate_bytes(settings: Settings) -> float:
     )
 
 
-def _compute_shape_bytes(settings: Settings, stored: _NormalBytes) -> float:
+def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
     """Compute the bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     fraction = 1.0 if graded else stored.grid
-    if edge_px := settings.mesh.edge_px if graded else _compute_edge_px(settings):
+    if edge_px := settings.mesh.edge_px if graded else _edge_px(settings):
         fraction *= 1.0 - math.exp(-stored.edges * edge_px**stored.power)
     labels = _ROCK_LABEL_BYTES * (settings.rocks.coverage > 0)
     if settings.quality.truth_by == "RAYS":
@@ -262,7 +260,7 @@ def _compute_shape_bytes(settings: Settings, stored: _NormalBytes) -> float:
     return stored.shading + stored.most * fraction / _RAY_NORMALS_RATIO + labels
 
 
-def _compute_edge_px(settings: Settings) -> float:
+def _edge_px(settings: Settings) -> float:
     """Compute the edge in pixels of a facet of ungraded ground at the centre of the view; 0 if unknown before the
     ground is read."""
     rig, source = settings.rig, settings.source
@@ -289,7 +287,7 @@ def compute_sky_fraction(settings: Settings) -> float:
     return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))
 
 
-def _compute_sample_cost(settings: Settings, topic: str) -> float:
+def _sample_cost(settings: Settings, topic: str) -> float:
     """Compute the cost of a sample that hits a surface, relative to Lambert's law with shaded relief."""
     surface, hapke = simplify_surface(settings, topic), settings.hapke
     relative = _COST_BY_MODEL[surface.model]
@@ -420,8 +418,8 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     factor, spread = _correct_by_pairs(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
     lit = {make_light_key(pair.settings) for pair in pairs if pair.id in there and is_baked(pair.settings)}
-    seconds = factor * _compute_processor_seconds(pairs, scenes, triangles, expected, set())
-    left_s = factor * _compute_processor_seconds(left, scenes, triangles, expected, lit) if there else seconds
+    seconds = factor * _processor_seconds(pairs, scenes, triangles, expected, set())
+    left_s = factor * _processor_seconds(left, scenes, triangles, expected, lit) if there else seconds
     return Estimate(
         pairs=len(pairs),
         there=len(there),
@@ -440,7 +438,7 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     )
 
 
-def _compute_processor_seconds(
+def _processor_seconds(
     pairs: Sequence[PlannedPair],
     scenes: Mapping[str, str],
     triangles: Mapping[str, float],

@@ -257,11 +257,11 @@ def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: i
     found += [Variant("auto", name, each) for name, each in list_baked_settings(settings, area).items()]
     return sorted(
         (variant for variant in found if not describe_lack(variant.settings, able)),
-        key=lambda variant: _compute_image_seconds(variant.settings, images),
+        key=lambda variant: _image_seconds(variant.settings, images),
     )
 
 
-def _compute_image_seconds(settings: Settings, images: int) -> float:
+def _image_seconds(settings: Settings, images: int) -> float:
     """Compute the processor seconds of an image, with its share of the bake."""
     bake = estimate_bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
     return estimate_work(settings).seconds(0.0) + bake

@@ -105,7 +105,7 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
     """Describe in words the settings in which the missing ``known`` pairs differ from the ``pairs``."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
-        {name: {_get_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
+        {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
         for plan in (known, pairs)
     )
     texts = [
@@ -117,14 +117,14 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
         return _join_texts(texts)
     # Each value occurs, but not together with the others.
     varied = [name for name in names if len(before[name]) > 1]
-    there = {tuple(_get_value_in_id(name, pair) for name in varied) for pair in pairs}
-    lost = next((pair for pair in known if tuple(_get_value_in_id(name, pair) for name in varied) not in there), None)
+    there = {tuple(_value_in_id(name, pair) for name in varied) for pair in pairs}
+    lost = next((pair for pair in known if tuple(_value_in_id(name, pair) for name in varied) not in there), None)
     if lost is None:
         return "a file of yours has changed"
     return f"no pair has together {_join_texts([f'{a}.{b} {quote(lost.settings[a][b])}' for a, b in varied])}"
 
 
-def _get_value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
+def _value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
     """Return the value of a setting as the id of a pair contains it, for comparison."""
     return repr(find_value_in_id(".".join(name), pair.settings))
 

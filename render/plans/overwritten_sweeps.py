@@ -44,9 +44,7 @@ def check_overwritten(
     ``cameras``, in the order of ``pose_sweeps.KINDS``.
     """
     layers = [
-        _Layer(
-            sweep.place, sweep.name, _list_named_settings(sweep), [_list_stated_settings(part) for part in variations]
-        )
+        _Layer(sweep.place, sweep.name, _list_named(sweep), [_list_stated(part) for part in variations])
         for sweep, variations in made
     ]
     _check_settings(parts, layers)
@@ -61,7 +59,7 @@ def check_overwritten(
         _check_differences(base, earlier, layers[k + 1 :])
 
 
-def _list_named_settings(sweep: Sweep) -> frozenset[str]:
+def _list_named(sweep: Sweep) -> frozenset[str]:
     """List the settings that a sweep names itself, not by presets."""
     tables = sweep.table.get("case", ()) if sweep.kind == "cases" else (sweep.table,)
     return frozenset(
@@ -73,7 +71,7 @@ def _list_named_settings(sweep: Sweep) -> frozenset[str]:
     )
 
 
-def _list_stated_settings(part: Variation) -> dict[str, Any]:
+def _list_stated(part: Variation) -> dict[str, Any]:
     """List the settings of a variation by their full names."""
     return {f"{topic}.{key}": value for topic, values in part.settings.items() for key, value in values.items()}
 
@@ -84,7 +82,7 @@ def _check_settings(parts: Sequence[Variation], layers: Sequence[_Layer]) -> Non
     for k, part in enumerate(parts):
         if part.place.key:
             continue  # a preset, whose other settings may be the reason for its choice
-        for key in _list_stated_settings(part):
+        for key in _list_stated(part):
             for layer in layers:
                 if order[layer.place.file] < k and key in layer.names and layer.covers(key):
                     raise IcyMoonError(
@@ -107,7 +105,7 @@ def _check_named(earlier: _Layer, later: _Layer) -> None:
     )
     raise IcyMoonError(
         f"{later.place}: this sweep sets {', '.join(lost)}, so the values in {earlier.place} would be lost; "
-        f"{fix}{_describe_replacement(earlier, later)}."
+        f"{fix}{_replace_hint(earlier, later)}."
     )
 
 
@@ -137,11 +135,11 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
                     raise IcyMoonError(
                         f"{later.place}: this sweep sets {', '.join(sorted(keys))}, so some variations of the "
                         f"sweep at {earlier.place} are the same; leave one of the two "
-                        f"out{_describe_replacement(earlier, later)}."
+                        f"out{_replace_hint(earlier, later)}."
                     )
                 known.add(lost)
 
 
-def _describe_replacement(earlier: _Layer, later: _Layer) -> str:
+def _replace_hint(earlier: _Layer, later: _Layer) -> str:
     """Return the end of a fix, which proposes ``replaces``, if the earlier sweep is of an extended plan; else empty."""
     return f", or write replaces = '{earlier.name}'" if earlier.name and earlier.place.file != later.place.file else ""

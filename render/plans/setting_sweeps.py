@@ -181,7 +181,7 @@ def _read_part(name: str, value: object, place: Place) -> Settings:
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
 
-def _list_factor_variations(sweep: Sweep) -> list[list[Variation]]:
+def _read_listed(sweep: Sweep) -> list[list[Variation]]:
     """List the variations of each factor of a sweep that lists values."""
     factors = []
     for name, setting, values, place in _read_factors(sweep, ()):
@@ -199,13 +199,13 @@ def _join_variations(parts: Iterable[Variation], place: Place) -> Variation:
 
 
 def _make_grid(sweep: Sweep, base: Settings) -> list[Variation]:
-    factors = _list_factor_variations(sweep)
+    factors = _read_listed(sweep)
     check_pair_count(math.prod(map(len, factors)), sweep.place)
     return [_join_variations(chosen, sweep.place) for chosen in itertools.product(*factors)]
 
 
 def _make_one_at_a_time(sweep: Sweep, base: Settings) -> list[Variation]:
-    each = [v for factor in _list_factor_variations(sweep) for v in factor]
+    each = [v for factor in _read_listed(sweep) for v in factor]
     other = [v for v in each if any(base[t][k] != x for t, values in v.settings.items() for k, x in values.items())]
     return [Variation({}, sweep.place), *other]
 

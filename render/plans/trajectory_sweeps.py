@@ -99,7 +99,7 @@ def _place_rig(poses: PoseSequence, k: int, height_m: float, above_ground: bool)
 
 def describe_trajectory(sweep: Sweep) -> str:
     """Describe the poses of a trajectory in a sentence. Raises IcyMoonError as ``make_trajectory`` does."""
-    found, poses = _read_trajectory_file(sweep)
+    found, poses = _read_file(sweep)
     said = [
         f"{_find_file(sweep).name}: {format_count(len(poses), 'pose')} in {poses.seconds[-1]:.6g} s on a path of "
         f"{poses.length_m:.4g} m",
@@ -150,7 +150,7 @@ def _find_world_axes(sweep: Sweep, found: Trajectory) -> str:
     )
 
 
-def _read_trajectory_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
+def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
     """Read the trajectory file of a sweep. Return its content, and its poses in the file's axes, thinned out and with
     the stamps as the plan states."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
@@ -189,7 +189,7 @@ def _read_trajectory_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
 def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> tuple[PoseSequence, bool]:
     """Read the poses, in the axes and from the origin of the site. Return them, and whether their heights are above the
     ground."""
-    found, poses = _read_trajectory_file(sweep)
+    found, poses = _read_file(sweep)
     world = _find_world_axes(sweep, found)
     heights = _read_choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
     if world == _RELATIVE_TO_FIRST:

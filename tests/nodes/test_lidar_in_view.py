@@ -60,7 +60,7 @@ def test_points_are_squares_with_their_values_of_which_the_first_are_shown(scene
     centres = [np.array(polygon.center) for polygon in item.data.polygons]
     assert centres == pytest.approx(points.point_m, abs=1e-6)
     assert read_colours(item).tolist() == colour_points(ICE_DELAY, list_values(points)).astype(int).tolist()
-    lidar_in_view.recolour_points(scene, RETURN_NUMBER)
+    lidar_in_view.recolour(scene, RETURN_NUMBER)
     assert len(np.unique(read_colours(item), axis=0)) == 4
     near, far = points.range_m.min(), points.range_m.max()
     assert [text for text, _ in lidar_in_view.make_legend(scene, RETURN_NUMBER)[:4]] == [
@@ -85,7 +85,7 @@ def test_removal_leaves_nothing_of_ours_and_all_of_the_user(scene):
     assert list_data() == ["Own", *before]
     assert own.name in scene.collection.objects
     assert lidar_in_view.make_legend(scene, ICE_DELAY) == ()
-    lidar_in_view.recolour_points(scene, ICE_DELAY)  # nothing is shown
+    lidar_in_view.recolour(scene, ICE_DELAY)  # nothing is shown
     lidar_in_view.limit_points(scene, 3)
 
 
@@ -93,7 +93,7 @@ def test_attributes_that_the_user_removed_leave_points_without_a_legend(scene):
     item = lidar_in_view.show_points(scene, make_points(3), ICE_DELAY, 3)
     item.data.attributes.remove(item.data.attributes["intensity"])
     assert lidar_in_view.make_legend(scene, ICE_DELAY) == ()
-    lidar_in_view.recolour_points(scene, RETURN_NUMBER)
+    lidar_in_view.recolour(scene, RETURN_NUMBER)
 
 
 def test_beams_end_on_the_ground_that_they_meet_and_pass_through_points(scene):
