@@ -1,4 +1,4 @@
-"""A patch of ground or a rock as an ordinary mesh object, which Build Scene and Clear Scene do not change."""
+"""Builds a patch of ground or a rock as an ordinary mesh object, which Build Scene and Clear Scene do not change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .surface.sheltered_ground import mark_shelter
 
 
 def build_terrain_object(settings: Settings) -> bpy.types.Object:
-    """The procedural ground of the settings as a grid; the caller links it to a scene.
+    """Build the procedural ground of the settings as a grid; the caller links it to a scene.
 
     Raises IcyMoonError if Cycles is off or a texture of its material is not available.
     """
@@ -33,7 +33,7 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
 
 
 def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
-    """One rock of the shape in the settings, with its origin at its bottom; the caller links it to a scene.
+    """Build one rock of the shape in the settings, with its origin at its bottom; the caller links it to a scene.
 
     ``diameter_m`` is the diameter in metres of the circle that has the rock's area as seen from above. Raises
     IcyMoonError if Cycles is off or a texture of its material is not available.

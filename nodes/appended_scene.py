@@ -22,7 +22,7 @@ from .scene_objects import mark_as_built
 
 
 def remove_shapes(scene: bpy.types.Scene) -> None:
-    """Take the shapes of rocks, which are seen as instances only, out of a scene."""
+    """Take the shapes of rocks out of a scene, where only their instances are seen."""
     for parent in (scene.collection, *scene.collection.children_recursive):
         if parent.is_editable:
             for shapes in [child for child in parent.children if child.get(TAG) == "rock shapes"]:
@@ -41,8 +41,8 @@ def untag_later_builds(scene: bpy.types.Scene) -> None:
 
 
 def adopt_appended(scene: bpy.types.Scene) -> Built | None:
-    """Give a scene the camera of a built collection that was appended to it, and a black sky; None without such a
-    collection."""
+    """Give a scene the camera of a built collection that was appended to it, and a black sky. Return the built scene;
+    None without such a collection."""
     built = find_built(scene)
     if built is None or before_build.is_known(scene):
         return None

@@ -1,5 +1,5 @@
-"""Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, one file for each asset.
-The sky is one more asset.
+"""Makes assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, one file for each
+asset. The sky is one more asset.
 
 Build Scene makes the content of an asset from the preset. The marks of Icy Moon are then removed, because a dropped
 asset belongs to the user. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the
@@ -40,18 +40,18 @@ SKY, _SKY_PICTURE_PRESET = "skies/airless", "lights/guiss_europa"
 
 
 def list_asset_names() -> list[str]:
-    """Names of the presets that become assets, and of the sky."""
+    """List the names of the presets that become assets, and of the sky."""
     return [*(name for kind in _MAKER_BY_KIND for name in preset_files.preset_names(kind)), SKY]
 
 
 def make_asset_settings(name: str) -> Settings:
-    """The complete settings from which the asset of a preset is made."""
+    """Make the complete settings from which the asset of a preset is made."""
     preset: Parts = preset_files.load_preset(name) if name != SKY else {}
     return description.merged(description.defaults(), preset, _ASSET_SETTINGS)
 
 
 def _read_header(name: str) -> tuple[str, str]:
-    """Title and description of an asset."""
+    """Return the title and the description of an asset."""
     if name == SKY:
         return "Airless Sky", "A black world: an airless moon has no light from its sky."
     title, text = preset_files.read_preset_header(name)
@@ -84,10 +84,10 @@ def write_asset(name: str, path: Path) -> None:
 
 
 def _make_landscape(settings: Settings) -> bpy.types.Collection:
-    """Make a collection of ground, rocks, lights and camera like Build Scene's.
+    """Make a collection of ground, rocks, lights and camera, as Build Scene does.
 
-    The shapes of rocks are in it too, hidden. Otherwise Blender would put them into the scene, as it does with all
-    objects of a dropped asset that are in no collection of it.
+    The hidden shapes of rocks are in the collection too. Otherwise Blender would put them into the scene, as it does
+    with every object of a dropped asset that is outside its collections.
     """
     collection = open_empty_scene(settings).collection
     for shapes in [each for each in bpy.data.collections if each.get(TAG) == "rock shapes"]:
@@ -97,12 +97,12 @@ def _make_landscape(settings: Settings) -> bpy.types.Collection:
 
 
 def _make_surface(settings: Settings) -> bpy.types.Material:
-    """The material of the ground."""
+    """Make the material of the ground."""
     return build_ground_material(settings, bpy.data.meshes.new(NAME))
 
 
 def _make_rig(settings: Settings) -> bpy.types.Object:
-    """An empty object that carries the stereo camera at the height and pitch of the settings.
+    """Make an empty object that carries the stereo camera at the height and pitch of the settings.
 
     Blender sets location and rotation of the dropped object, so the empty is the foot of the mast. Its custom property
     refers to the camera, so Blender puts the camera into the scene too.
@@ -114,7 +114,7 @@ def _make_rig(settings: Settings) -> bpy.types.Object:
 
 
 def _make_light(settings: Settings) -> bpy.types.Collection:
-    """A collection of the Sun, the planet, the planet's light and lamps, about the origin."""
+    """Make a collection of the Sun, the planet, the planet's light and lamps, about the origin."""
     collection = bpy.data.collections.new(NAME)
     camera = build_rig(NAME, settings.rig, 0.0)
     for item in build_lights(settings, compute_scene_sky(settings), camera):
@@ -129,7 +129,7 @@ def _make_light(settings: Settings) -> bpy.types.Collection:
 
 
 def _make_sky(settings: Settings) -> bpy.types.World:
-    """The world that Build Scene gives a scene."""
+    """Make the world that Build Scene gives a scene."""
     return build_sky(NAME)
 
 
@@ -155,20 +155,20 @@ def _give_to_user(title: str) -> None:
 
 
 def _forget_scene() -> None:
-    """Replace the scene, with all that only it uses, by an empty one: a file must have a scene."""
+    """Replace the scene, and everything that only it uses, by an empty scene, because a file must have one."""
     built, _ = bpy.context.scene, bpy.data.scenes.new("Scene")
     bpy.data.scenes.remove(built)
     bpy.data.orphans_purge(do_recursive=True)
 
 
 def _describe_resolution(settings: Settings) -> str:
-    """The settings of a stereo camera that Blender's camera does not store, in words."""
+    """Describe in words the settings of a stereo camera that Blender's camera does not store."""
     rig = settings.rig
     return f"Set the resolution to {rig.width_px} x {rig.height_px} px. "
 
 
 def _make_tags(kind: str, settings: Settings) -> list[str]:
-    """Tags by which the Asset Browser finds an asset."""
+    """Make the tags by which the Asset Browser finds an asset."""
     law = settings.surface.model.replace("_", "-").title()
     of_kind = {
         "surfaces": ["ice", law],

@@ -1,4 +1,5 @@
-"""The camera, world, frame and exposure that a scene had before Build Scene, which Clear Scene restores.
+"""Stores the camera, world, frame and exposure that a scene had before Build Scene, so that Clear Scene can restore
+them.
 
 The scene holds these notes, not the built collection. Otherwise a file that appends the collection would also get the
 camera and the world from before the build.
@@ -22,12 +23,12 @@ WORLD, CAMERA, VIEW, OSL = _PROPERTIES = (
 
 
 def is_known(scene: bpy.types.Scene) -> bool:
-    """Whether the scene stores its state from before Build Scene."""
+    """Return whether the scene holds notes on its state before Build Scene."""
     return VIEW in scene
 
 
 def _is_built(block: bpy.types.ID) -> bool:
-    """Whether Build Scene made a camera or a world in this file."""
+    """Return whether Build Scene made this camera or world in this file."""
     return TAG in block and block.library is None and block.override_library is None
 
 
@@ -50,12 +51,12 @@ def note_before_build(scene: bpy.types.Scene) -> None:
 
 
 def used_osl_before_build(scene: bpy.types.Scene) -> bool:
-    """Whether the scene used Open Shading Language before Build Scene."""
+    """Return whether the scene used Open Shading Language before Build Scene."""
     return bool(scene.get(OSL, False))
 
 
 def restore_before_build(scene: bpy.types.Scene) -> None:
-    """Restore the view, and the camera and the world unless the user has set others, and forget them."""
+    """Restore the noted view, and the noted camera and world unless the user has set others; then remove the notes."""
     stored: Any = scene.get(VIEW)
     if stored is not None:
         scene.view_settings.exposure, *resolution = stored

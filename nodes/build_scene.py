@@ -122,7 +122,7 @@ OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values(), *
 
 
 def measure_patch(built: Built) -> Array | None:
-    """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
+    """Measure the heights (n, n) in metres of procedural ground on a grid over its patch; None for other ground."""
     if is_from_file(built.settings):
         return None
     if built.settings.mesh.kind == "GRADED":
@@ -150,7 +150,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     shine = next((item for item in objects if item[TAG] == "planetshine"), None)
     used = {item: find_materials(find_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
-    # From the lamp, in single precision, so that aiming again at render time changes nothing.
+    # Read from the lamp, in single precision, so that aiming again at render time changes nothing.
     lamps = [item for item in objects if item[TAG] in LAMP_ROLES]
     sun_inputs.set_light_inputs(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine, lamps)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
@@ -168,7 +168,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
-    """List the ground, the rocks and their shapes among built objects, each with the light group that it must have.
+    """Yield the ground, the rocks and their shapes among built objects, each with the light group that it must have.
 
     Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day, ``render.separate_lights``
     separates the two.
@@ -183,7 +183,7 @@ def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.ty
 
 
 def keeps_light_groups(collection: bpy.types.Collection) -> bool:
-    """Whether the ground, the rocks and their shapes have the light groups that ``update_sunlight`` would
+    """Return whether the ground, the rocks and their shapes have the light groups that ``update_sunlight`` would
     set."""
     return all(
         item.lightgroup == group for item, group in _list_light_groups([*find_built_objects(collection).values()])
@@ -200,8 +200,8 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
 def _find_built_blocks(
     scene: bpy.types.Scene, collection: bpy.types.Collection | None, made: Collection[bpy.types.Object] = ()
 ) -> dict[str, Any]:
-    """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection; without the
-    objects that were ``made`` now."""
+    """Find the data-blocks that were built before, by role as in ``find_owned_blocks``, even if the user has deleted
+    the collection. Objects that were ``made`` now are left out."""
     if collection is not None:
         return {**find_built_objects(collection), **find_owned_blocks(collection)}
     theirs = set(made) | {
@@ -222,7 +222,7 @@ def _find_built_blocks(
 
 
 def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
-    """A new built collection. ``ours`` are unlinked from other collections."""
+    """Make a new built collection. ``ours`` are unlinked from other collections."""
     collection = mark_as_built(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
@@ -258,13 +258,13 @@ def _put_in_place(
 
 
 def _find_material(item: bpy.types.Object) -> list[bpy.types.Material | None]:
-    """The material of the ground or of the rocks, None if it was removed."""
+    """Return a list of the material of the ground or of the rocks; its item is None if the material was removed."""
     meshes = [each.data for each in (item, *find_instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
     return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
 
 
 def _list_owned_blocks(objects: list[bpy.types.Object]) -> dict[str, Any]:
-    """The built data-blocks by role, for ``set_owned_blocks``."""
+    """List the built data-blocks by role, for ``set_owned_blocks``."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
     return found | {
@@ -328,7 +328,7 @@ def _inherit(collection: bpy.types.Collection, left: bpy.types.Collection) -> No
 
 
 def why_shared(built: Built) -> str:
-    """A sentence on why the live preview would also change another scene; empty if it would not."""
+    """Return a sentence on why the live preview would also change another scene; empty if it would not."""
     if find_scenes_sharing_build(built.scene):
         return "This scene shares its ground with the scene that it is a copy of; press Build Scene to separate them."
     surfaces = [block for name, block in find_owned_blocks(built.collection).items() if name.endswith(" material")]
@@ -364,9 +364,10 @@ def refuse_place(scene: bpy.types.Scene) -> None:
 def _find_place(
     scene: bpy.types.Scene, made: Collection[bpy.types.Object] = ()
 ) -> tuple[bpy.types.Collection | None, dict[str, Any], list[bpy.types.Object]]:
-    """The built collection of a scene, unless linked copies share it, and what was built before, without what was
-    ``made`` now: the data-blocks by their roles, and the objects among them. Raises IcyMoonError if nothing can be
-    built in their place."""
+    """Find what a new build replaces in a scene. Returns the built collection, unless linked copies share it, the
+    data-blocks of the earlier build by role, and the objects among them. Objects that were ``made`` now are left out.
+    Raises IcyMoonError if nothing can be built in their place.
+    """
     collection = None if find_scenes_sharing_build(scene) else find_collection(scene)
     check_cycles.require_cycles()
     there = _find_built_blocks(scene, collection, made)
@@ -378,8 +379,8 @@ def _find_place(
 def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> Built:
     """Put the objects that were made of complete ``settings`` into a scene, in place of those that were built before.
 
-    Raises IcyMoonError, without changing the scene, as ``build_scene`` does and if some of the objects are gone; then
-    all are removed.
+    Raises IcyMoonError, without changing the scene, in the cases of ``build_scene``, and if some of the objects are
+    gone; then it removes all of them.
     """
     try:
         if not made.is_there() or any(None in _find_material(item) for item in made.objects):
@@ -415,7 +416,8 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
 
 
 def make_in_memory(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeObjects]:
-    """Make the objects of the scene in steps. Raises IcyMoonError also if there is not enough memory."""
+    """Make the objects of the scene in steps, as ``make_objects`` does. Raises IcyMoonError also if there is not enough
+    memory."""
     try:
         return (yield from make_objects(settings, meshed))
     except MemoryError:
@@ -428,7 +430,7 @@ def make_in_memory(settings: Settings, meshed: MeshedGround | None) -> Steps[Mad
 
 
 def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Object]) -> None:
-    """Link objects to the built collection, rocks to a collection in it."""
+    """Link objects to the built collection, and rocks to a collection inside it."""
     of_rocks = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
     if of_rocks is None:
         of_rocks = mark_as_built(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")

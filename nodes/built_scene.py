@@ -1,4 +1,4 @@
-"""The built part of a scene: finding it again, its settings, and whether it was edited by hand."""
+"""Finds the built part of a scene again, with its settings, and detects whether it was edited by hand."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from .surface import own_groups, reflectance_laws
 SETTINGS, FINGERPRINT, GROUND = "icymoon_settings", "icymoon_fingerprint", "icymoon_ground"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
-STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
+STATISTICS = "icymoon_statistics"  # of the ground: stated by the settings, and measured on the built ground
 EXCAVATION = "icymoon_excavation"  # volumes and masses of the excavation, see ``physics.excavation.dig``
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
@@ -86,7 +86,7 @@ class Built:
 
     @property
     def ground(self) -> dict[str, Any]:
-        """For a ground from a file, the ``report`` of its import; otherwise empty."""
+        """``report`` of the import of a ground from a file; empty for other ground."""
         return dict(read_stored(self.collection, GROUND, TABLE))
 
     @property
@@ -119,15 +119,16 @@ class Built:
         return finish(self.find_extra())
 
     def find_extra(self) -> Steps[str]:
-        """``extra`` in steps."""
+        """Find ``extra`` in steps."""
         found = self.content + reflectance_laws.describe_osl_substitute(self.settings)
         return found + (yield from self._mark_edits())
 
     def _mark_edits(self) -> Steps[str]:
-        """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
+        """Return the mark of everything edited or added by hand, and of the frame if it matters; empty without
+        edits."""
         refuse_excluded(self.scene, self.collection)
         own_groups.refuse_stand_ins(self.materials)
-        stored = self._read_marks()  # first: present marks can be read only where these can be compared with them
+        stored = self._read_marks()  # first: present marks are read only if they can be compared with these
         found = yield from read_marks_in_steps(self.collection)
         by_hand = sorted(find_differing(found.parts, stored))
         if not by_hand and "added" not in found.parts:
@@ -138,14 +139,15 @@ class Built:
         return hash_marks([[(part, found.parts.get(part)) for part in (*by_hand, "added")], frame])
 
     def _read_marks(self) -> dict[str, str]:
-        """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
+        """Read the marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present
+        marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
         return dict(read_stored(self.collection, FINGERPRINT, MARKS_SHAPE))
 
     @property
     def outdated(self) -> str:
-        """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
+        """Reason, in a sentence, why Icy Moon cannot detect edits by hand; empty if it can."""
         if why := check_cycles.why_unavailable():  # marks include the settings of Cycles
             return why
         if read_stored(self.collection, FINGERPRINT, MARKS_SHAPE).get(MAKER) == describe_maker():
@@ -162,7 +164,7 @@ class Built:
 
     @property
     def planetshine(self) -> bpy.types.Object | None:
-        """The planet's lamp, if the planet is up."""
+        """The planet's lamp; None if the planet is not up."""
         return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
 
     @property
@@ -172,7 +174,7 @@ class Built:
 
     @property
     def rocks(self) -> bpy.types.Object | None:
-        """The object whose points are the rocks, if there are any."""
+        """The object whose points are the rocks; None without rocks."""
         return next((item for item in self.collection.all_objects if item.get(TAG) == "rock"), None)
 
     @property
@@ -181,7 +183,8 @@ class Built:
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
     def edited_parts(self, *wanted: str) -> set[str]:
-        """The parts that the user has edited since they were built, among the ``wanted`` parts and roles or all.
+        """Find the parts that the user has edited since the build, among the ``wanted`` parts and roles, or among all
+        if none is given.
 
         Raises IcyMoonError if edits cannot be detected.
         """
@@ -196,14 +199,14 @@ class Built:
         return {part for part in by_hand if not (changed and is_wanted(part, changed))}
 
     def find_edited_parts(self, *wanted: str) -> Steps[set[str]]:
-        """``edited_parts`` in steps."""
+        """Find ``edited_parts`` in steps."""
         known = self._read_marks()
         return find_differing((yield from read_marks_in_steps(self.collection, *wanted)).parts, known, *wanted)
 
     @contextmanager
     def reading_marks_once(self) -> Iterator[None]:
-        """A context for an update of the scene. It reads the marks of a part only once, however often its edits are
-        asked for, and the marks of changed parts at the end."""
+        """Read the marks of each part only once within this context, however often its edits are asked for. The context
+        is for an update of the scene; at its end, the marks of the changed parts are read and stored."""
         self._update = _Update({}, [])
         try:
             yield
@@ -218,7 +221,7 @@ class Built:
 
     @property
     def several_lights(self) -> bool:
-        """Whether there may be light besides the Sun's: from the planet, stars or objects that the user added."""
+        """Whether there may be light besides sunlight: from the planet, stars or objects that the user added."""
         return any(item.get(TAG) in ROLES for item in self.collection.all_objects) or bool(
             find_added_objects(self.collection)
         )
@@ -226,10 +229,10 @@ class Built:
     @property
     def edited(self) -> bool:
         """Whether the user has edited or added something since the scene was built."""
-        return finish(self.find_whether_edited())
+        return finish(self.is_edited_in_steps())
 
-    def find_whether_edited(self) -> Steps[bool]:
-        """``edited`` in steps."""
+    def is_edited_in_steps(self) -> Steps[bool]:
+        """Find in steps whether the user has edited or added something, as ``edited`` does."""
         own = any(not is_stand_in(node.node_tree) for node in list_own_nodes(self.materials))
         return own or bool(find_added_objects(self.collection)) or bool((yield from self.find_edited_parts()))
 
@@ -256,7 +259,7 @@ class Built:
 
 
 def list_collections(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """The collections of a scene that Build made, the oldest first.
+    """List the collections of a scene that Build made, the oldest first.
 
     A linked collection, or an override of it, belongs to another file and is the user's own.
     """
@@ -269,12 +272,12 @@ def list_collections(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
 
 
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """The collection that Build made in this scene, if any."""
+    """Find the collection that Build made in this scene; None without one."""
     return next(iter(list_collections(scene)), None)
 
 
 def find_scenes_sharing_build(scene: bpy.types.Scene) -> list[bpy.types.Scene]:
-    """The other scenes that share the built collection of this scene: linked copies."""
+    """Find the other scenes that share the built collection of this scene: linked copies."""
     collection = find_collection(scene)
     if collection is None:
         return []
@@ -282,7 +285,7 @@ def find_scenes_sharing_build(scene: bpy.types.Scene) -> list[bpy.types.Scene]:
 
 
 def find_built(scene: bpy.types.Scene) -> Built | None:
-    """The built scene; None if nothing was built, or a part was deleted."""
+    """Find the built scene; None if nothing was built, or a part was deleted."""
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return None
@@ -293,7 +296,7 @@ def find_built(scene: bpy.types.Scene) -> Built | None:
 
 
 def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Raise IcyMoonError if a built part is excluded from all view layers, which renders of pairs ignore."""
+    """Raise IcyMoonError if a built part is excluded from all view layers, because renders of pairs ignore that."""
     ours = {collection, *collection.children_recursive}
 
     def kept_out(layer: bpy.types.LayerCollection) -> set[str]:
@@ -314,9 +317,10 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
 
 
 def describe_ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Three lines on the ground: a heading, the statistics that the settings of roughness ask for, and the measured
-    statistics, with landforms, layers and snow. Empty for other ground. The lines are short, since the sidebar is
-    narrow.
+    """Describe procedural ground in three lines: a heading, the statistics that the settings of roughness ask for, and
+    the measured statistics, with landforms, layers and snow.
+
+    Empty for other ground. The lines are short, since the sidebar is narrow.
     """
     built = find_built(scene)
     found = built.statistics if built else {}
@@ -330,7 +334,7 @@ def describe_ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
-    """Whether the ground's statistics belong to other settings, or to a preview."""
+    """Return whether the ground's statistics belong to other settings, or to a preview."""
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return False
@@ -341,19 +345,19 @@ def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
 
 
 def _read_settings(collection: bpy.types.Collection) -> Settings:
-    """The settings that a scene was built from. Do not change them."""
+    """Read the settings that a scene was built from. Do not change them."""
     text = collection[SETTINGS]
     return _parse_settings(text if isinstance(text, str) else "", f"{collection.name}: the property {SETTINGS}")
 
 
 @lru_cache(maxsize=4)
 def _parse_settings(text: str, where: str) -> Settings:
-    """Settings from their text, read once, since the window asks at every redraw."""
+    """Parse settings from their text. Each text is parsed only once, since the window asks at every redraw."""
     return typed(parse_stored(text, where, TABLES_SHAPE))
 
 
 def _adds_to_roughness(settings: Settings) -> bool:
-    """Whether the ground has landforms, snow or layers of noise."""
+    """Return whether the ground has landforms, snow or layers of noise."""
     return bool(settings.terrain.layers) or any(
         settings[topic.key][topic.settings[0].key] > 0 for topic in TOPICS.values() if topic.parent == LANDFORMS
     )
@@ -365,12 +369,12 @@ def _format_statistics(numbers: dict[str, float | None]) -> str:
 
 
 def make_build_facts(settings: Settings) -> str:
-    """``Built.extra`` of a scene newly built from settings."""
+    """Return ``Built.extra`` of a scene newly built from settings."""
     return hash_content(settings) + reflectance_laws.describe_osl_substitute(settings)
 
 
 def list_changed_settings(built: Built, settings: Settings) -> list[str]:
-    """Names of the settings that the built scene does not show yet, and of files whose content has changed."""
+    """List the names of the settings that the built scene does not show yet, and of files whose content has changed."""
     shown = [
         (topic.key, s.key)
         for topic in TOPICS.values()

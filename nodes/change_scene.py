@@ -32,7 +32,7 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     """Return a built scene of complete ``settings``, and whether it was made from ``built``, which must be unedited.
 
     Surfaces, lights and camera are made again if their settings differ. If more differs, or there is no built scene, a
-    new file is opened. Raises IcyMoonError as ``build`` does; then there is no scene.
+    new file is opened. Raises IcyMoonError as ``build_scene`` does; then there is no scene.
     """
     if (
         built is None

@@ -1,4 +1,4 @@
-"""Whether Cycles is enabled, which renders all images and needs its own settings in built scenes."""
+"""Checks whether Cycles is enabled. Cycles renders all images, and built scenes need its settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DISABLED_MESSAGE = (
 
 
 def why_unavailable() -> str:
-    """A sentence on why this Blender cannot build and render; empty if it can."""
+    """Return a sentence on why this Blender cannot build and render; empty if it can."""
     return "" if compat.has_cycles() else _DISABLED_MESSAGE
 
 

@@ -1,5 +1,5 @@
-"""Whether the eyes, the head's cameras and the lamps of a built scene are inside its ground or a rock, tested on the
-rendered meshes."""
+"""Tests on the rendered meshes whether the eyes, the head's cameras and the lamps of a built scene are inside its
+ground or a rock."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _MAX_PASSED = 1000
 
 
 def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
-    """``find_reasons`` for a scene that was just built.
+    """Find the sentences of ``find_reasons`` for a scene that was just built.
 
-    The reasons for the two eyes follow from the settings if possible: their mesh is tested only if it may be coarser
+    The sentences on the two eyes follow from the settings if possible: their mesh is tested only if it may be coarser
     than the images under the camera. Lamps and the cameras of a head are always tested by the mesh.
     """
     settings = built.settings
@@ -47,13 +47,13 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
 def find_reasons(
     built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
 ) -> list[str]:
-    """Find each eye, head camera and lamp inside the ground or a rock, where it sees only black or lights nothing; one
-    sentence each.
+    """Find the eyes, head cameras and lamps inside the ground or a rock, where they see only black or light nothing.
+    Returns a sentence for each.
 
-    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray
-    upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
-    enters an overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so
-    that Blender computes nothing in the user's scene.
+    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray upward from
+    inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or enters an
+    overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so that Blender
+    computes nothing in the user's scene.
     """
     with nullcontext(scene) if scene else _make_scene(built) as test_scene:
         layer = test_scene.view_layers[0]
@@ -66,7 +66,7 @@ def find_reasons(
             for eye, pose in poses.items()
             if ask_eyes
         ]
-        # A head that has changed since the build is told by the render.
+        # The render reports a head that has changed since the build.
         for camera, pose in zip(
             read_head_cameras(built.settings), find_head_poses(built.collection, rig), strict=False
         ):
@@ -107,8 +107,8 @@ def _find_eye_reason(
 
 
 def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
-    """Depth in metres of a point under the ground, negative for a point just above the ground, and infinite in a rock.
-    None if the point is free."""
+    """Find the depth in metres of a point under the ground, negative for a point just above the ground, and infinite in
+    a rock; None if the point is free."""
     role, distance, leaves = cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
         return distance if role == "terrain" else math.inf
@@ -119,10 +119,10 @@ def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, posit
 def cast_ray(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, toward: Vector
 ) -> tuple[str, float, bool]:
-    """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves the solid
-    there.
+    """Find the first ground or rock that a ray hits. Returns its role, its distance in metres, and whether the ray
+    leaves the solid there.
 
-    The role is empty if the ray hits none. The ray passes the user's own objects.
+    The role is empty if the ray hits none. The ray passes through the user's own objects.
     """
     at = start
     for _ in range(_MAX_PASSED):
@@ -133,7 +133,7 @@ def cast_ray(
         if role in ("terrain", "rock", "rock shape"):
             return role, (place - start).length, normal.dot(toward) > 0
         passed = place + toward * 1e-4 * max(1.0, (place - start).length)
-        # Ground that was made of the object lies where the object lies, so the ray would pass it too.
+        # Ground that was made from an object lies where that object lies, so the ray would pass it too.
         if ground := _cast_on_ground(scene, depsgraph, at, passed):
             place, normal = ground
             return "terrain", (place - start).length, normal.dot(toward) > 0
@@ -144,7 +144,8 @@ def cast_ray(
 def _cast_on_ground(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, end: Vector
 ) -> tuple[Vector, Vector] | None:
-    """Where the way from ``start`` to ``end`` first meets the ground, and the normal there; None if it does not."""
+    """Find the point where the line from ``start`` to ``end`` first meets the ground, and the normal there; None if it
+    does not meet the ground."""
     for item in scene.objects:
         if item.get(TAG) != "terrain":
             continue

@@ -30,13 +30,14 @@ _SENSOR_MM = 36.0
 
 
 def read_head_cameras(settings: Settings) -> tuple[HeadCamera, ...]:
-    """The cameras of ``rig.head_file``; empty without a file. Raises IcyMoonError for a faulty file."""
+    """Read the cameras of ``rig.head_file``; empty without a file. Raises IcyMoonError for a faulty file."""
     file = str(make_paths_absolute(settings).rig.head_file)
     return read_head(Path(file)).cameras if file else ()
 
 
 def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.types.Object) -> list[bpy.types.Object]:
-    """Blender's cameras for the head, those of the frame RIG as children of the ``rig``. The caller links them.
+    """Build Blender's cameras for the head. Cameras of the frame RIG are children of the ``rig``. The caller links
+    them.
 
     Raises IcyMoonError for a camera that is under the ground.
     """
@@ -65,8 +66,8 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
 
 
 def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> str:
-    """Describe in a sentence a head camera at a depth in metres under the ground, negative just above it and infinite
-    in a rock; empty for None, a free camera."""
+    """Describe in a sentence a head camera at a depth in metres under the ground. The depth is negative just above the
+    ground and infinite in a rock. Empty for the depth None, a free camera."""
     if depth_m is None:
         return ""
     if math.isinf(depth_m):
@@ -75,8 +76,8 @@ def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> s
 
 
 def _find_places(cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types.Object) -> list[tuple[float, Array]]:
-    """For each camera, the height in metres of the ground beneath (NaN outside the ground), and its matrix (4, 4) in
-    the world, in Blender's axes."""
+    """Find for each camera the height in metres of the ground beneath it (NaN outside the ground), and its matrix (4,
+    4) in the world, in Blender's axes."""
     flip = np.eye(4)
     flip[:3, :3] = OPENCV_FROM_BLENDER
     made = []
@@ -97,7 +98,8 @@ def _find_places(cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types
 
 
 def find_head_poses(collection: bpy.types.Collection, rig: bpy.types.Object) -> list[Array]:
-    """The matrices (4, 4) from the cameras of the head, in OpenCV's axes, to the world, in the order of the file."""
+    """Find the matrices (4, 4) from the cameras of the head, in OpenCV's axes, to the world, in the order of the
+    file."""
     there = find_built_objects(collection)
     made = []
     for item in (there[role] for role in ROLES if role in there):

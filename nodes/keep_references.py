@@ -21,7 +21,7 @@ _SET_SEPARATELY = {"data", "animation_data", "pose", "properties"}
 
 
 def find_owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
-    """The data-blocks that a built collection owns: objects by role, "ROLE data" and "ROLE material"."""
+    """Find the data-blocks that a built collection owns: objects by role, "ROLE data" and "ROLE material"."""
     return {
         key.removeprefix(OWN): collection[key]
         for key in collection.keys()  # noqa: SIM118 - no mapping

@@ -1,8 +1,8 @@
-"""A LiDAR in the 3D View: its beams before a scan, and its points after one.
+"""Shows a LiDAR in the 3D View: its beams before a scan, and its points after one.
 
-Points are small squares, as the measured surface's are, with a node group that shows the first of them. Beams are thin
-rods to the built surfaces: bare lines are hidden with the overlays of a camera view. Both are in a collection that is
-not rendered and not part of the built scene.
+Points are small squares, like the squares of the measured surface, with a node group that shows only the first of them.
+Beams are thin rods to the built surfaces, because bare lines are hidden with the overlays of a camera view. Both are in
+a collection that is not rendered and not part of the built scene.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ _MAX_SKIPS, _SKIP_M = 16, 1e-4
 
 
 def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: int) -> bpy.types.Object:
-    """Show the first ``count`` points of a scan in place of earlier points, coloured by a ``kind`` of
-    ``ATTRIBUTES``."""
-    clear(scene)
+    """Show the first ``count`` points of a scan, and remove earlier points. ``kind``, one of ``ATTRIBUTES``, sets their
+    colour."""
+    clear_scan(scene)
     toward = points.position_m - points.point_m
     distance = np.linalg.norm(toward, axis=1)
     toward = np.where(distance[:, None] > 0, toward / np.maximum(distance, 1e-12)[:, None], [[0.0, 0.0, 1.0]])
@@ -86,7 +86,7 @@ def show_points(scene: bpy.types.Scene, points: ShownPoints, kind: str, count: i
 
 
 def _build_limit() -> bpy.types.NodeTree:
-    """A node group that removes the faces from a number on."""
+    """Build a node group that removes all faces from a given number on."""
     group = bpy.data.node_groups.new(_LIMIT, "GeometryNodeTree")
     group[TAG] = ROLE
     _, result = (
@@ -111,7 +111,7 @@ def _build_limit() -> bpy.types.NodeTree:
 
 
 def limit_points(scene: bpy.types.Scene, count: int) -> None:
-    """Show the first ``count`` points, if any are shown."""
+    """Show only the first ``count`` points, if any are shown."""
     item = find_points(scene)
     modifier = item.modifiers.get(_LIMIT) if item is not None else None
     node = modifier.node_group.nodes.get(_LIMIT) if modifier is not None and modifier.node_group else None
@@ -128,7 +128,7 @@ def recolour(scene: bpy.types.Scene, kind: str) -> None:
 
 
 def _read_values(mesh: bpy.types.Mesh) -> dict[str, Array]:
-    """The values (k,) of points; empty if the user has removed some of the attributes."""
+    """Read the values (k,) of points; empty if the user has removed some of the attributes."""
     if not all(name in mesh.attributes for name, _ in ATTRIBUTES.values()):
         return {}
     return {
@@ -138,8 +138,8 @@ def _read_values(mesh: bpy.types.Mesh) -> dict[str, Array]:
 
 
 def make_legend(scene: bpy.types.Scene, kind: str) -> tuple[tuple[str, str], ...]:
-    """(text, icon) of each line on what is shown: the scanner, its beams and ranges, then the meaning of the colours,
-    which for points is that of ``kind``."""
+    """Make the lines (text, icon) of the legend: the scanner, its beams and ranges, then the meaning of the colours,
+    for points by their ``kind``."""
     item = find_shown(scene)
     if item is None:
         return ()
@@ -155,7 +155,7 @@ def make_legend(scene: bpy.types.Scene, kind: str) -> tuple[tuple[str, str], ...
 
 
 def describe_ranges(range_m: Array) -> str:
-    """The nearest and the farthest of some ranges (k,) in metres."""
+    """Describe the nearest and the farthest of some ranges (k,) in metres."""
     found = range_m[np.isfinite(range_m)]
     return f"Range: {found.min():.3g} to {found.max():.3g} m" if len(found) else "No range was measured"
 
@@ -163,7 +163,7 @@ def describe_ranges(range_m: Array) -> str:
 def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.types.Object:
     """Draw some of the beams of a scanner at the left eye of a built scene, in place of earlier points and beams. A
     beam that hits nothing is grey and twice as long as the median of the beams that hit."""
-    clear(scene)
+    clear_scan(scene)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     pose = find_sensor_pose(built, lidar)
     pattern = lidar.instrument.pattern
@@ -187,7 +187,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
 
 
 def find_sensor_pose(built: Built, lidar: LidarFile) -> SensorPose:
-    """Where a scan puts the sensor: at the left eye, see ``mount_on_rig``."""
+    """Find the pose that a scan gives the sensor: at the left eye, see ``mount_on_rig``."""
     eyes = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
     return mount_on_rig(eyes["left"], lidar.aim)
 
@@ -195,7 +195,7 @@ def find_sensor_pose(built: Built, lidar: LidarFile) -> SensorPose:
 def _find_hit(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Array, direction: Array, farthest_m: float
 ) -> float:
-    """Distance in metres to what a beam meets; infinite if it meets nothing."""
+    """Find the distance in metres at which a beam hits something; infinite if it hits nothing."""
     passed = 0.0
     for _ in range(_MAX_SKIPS):
         found, place, _, _, item, _ = scene.ray_cast(
@@ -211,9 +211,10 @@ def _find_hit(
 
 
 def make_rods(start: Array, direction: Array, length: Array, near_m: float, far_m: Array) -> tuple[Array, Array]:
-    """Corners (6 n, 3) and triangles (7 n, 3) of three-sided rods, closed at their ends, from a common ``start`` (3,)
-    along unit vectors (n, 3). Their radii in metres are ``near_m`` at the start and ``far_m`` (n,) at the ends, so that
-    seen from the start far beams look as wide as near beams."""
+    """Make three-sided rods from a common ``start`` (3,) along unit vectors (n, 3), closed at their ends. Returns
+    corners (6 n, 3) and triangles (7 n, 3). The rods' radii in metres are ``near_m`` at the start and ``far_m`` (n,) at
+    the ends. Seen from the start, far beams then look as wide as near beams.
+    """
     up = np.where(np.abs(direction[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(direction, up)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -238,15 +239,15 @@ def _link(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
 
 
 def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The points that are shown in a scene, if any."""
+    """Find the points that are shown in a scene; None if none are shown."""
     return next((item for item in list_shown(scene, ROLE) if item.modifiers.get(_LIMIT) is not None), None)
 
 
 def find_shown(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The points or beams that are shown in a scene, if any."""
+    """Find the points or beams that are shown in a scene; None if none are shown."""
     return next(iter(list_shown(scene, ROLE)), None)
 
 
-def clear(scene: bpy.types.Scene) -> bool:
+def clear_scan(scene: bpy.types.Scene) -> bool:
     """Remove points and beams of a scene, and return whether there were any. The user's own objects stay."""
     return remove_shown(scene, ROLE)

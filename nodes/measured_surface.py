@@ -58,7 +58,7 @@ def read_points(path: Path) -> tuple[Array, Array, Array, Array]:
 
 
 def make_squares(position: Array, toward: Array, width: Array) -> Array:
-    """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
+    """Make squares of ``width`` (n,) that face the camera: corners (n, 4, 3), counter-clockwise as seen from it."""
     # Two axes across the line of sight. For a nearly vertical line, they start from y in place of z.
     up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(up, toward)
@@ -92,7 +92,7 @@ def build_points(
 
 
 def _count_kinds(error_m: Array, missing: list[int | None]) -> dict[str, int]:
-    """Number of points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
+    """Count the points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
     counts = {
         "far": int((error_m > RIGHT_M).sum()),
         "near": int((error_m < -RIGHT_M).sum()),
@@ -109,7 +109,8 @@ def find_title(scene: bpy.types.Scene) -> str:
 
 
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
-    """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
+    """Make the lines (text, icon) of the legend of the shown surface: the meaning of each colour, and its share of the
+    points."""
     item = find_points(scene)
     stored: object = item.get(_COUNTS_PROPERTY) if item else None
     counts = (
@@ -129,7 +130,7 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
 def make_share_lines(
     title: str, counts: Mapping[str, int], kinds: Mapping[str, tuple[str, str]], total: int
 ) -> list[tuple[str, str]]:
-    """(text, icon) of the lines of a legend: its title, then the share of each of the ``kinds`` in ``total``."""
+    """Make the lines (text, icon) of a legend: its title, then the share of each of the ``kinds`` in ``total``."""
     return [
         (title, "NONE"),
         *((f"{text}: {100 * counts[key] / total:.1f} %", icon) for key, (text, icon) in kinds.items() if key in counts),
@@ -137,7 +138,7 @@ def make_share_lines(
 
 
 def build_squares(name: str, corners: Array) -> bpy.types.Mesh:
-    """A mesh of squares with corners (n, 4, 3)."""
+    """Build a mesh of squares with corners (n, 4, 3)."""
     count = len(corners)
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(4 * count)
@@ -160,7 +161,8 @@ def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
 
 
 def _colour_corners(error_m: Array, full_m: float) -> Array:
-    """Linear colours (4 n, 4) of the corners of squares with errors (n,) in metres; any thread may call this."""
+    """Return the linear colours (4 n, 4) of the corners of squares with errors (n,) in metres; any thread may call
+    this."""
     return to_linear_colours(np.repeat(colour_signed_errors(error_m, full_m), 4, axis=0))
 
 
@@ -175,7 +177,7 @@ def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
 
 
 def to_linear_colours(rgb: Array) -> Array:
-    """Opaque linear colours (n, 4), float32, from sRGB uint8 (n, 3); any thread may call this."""
+    """Convert sRGB uint8 (n, 3) to opaque linear colours (n, 4), float32; any thread may call this."""
     rgba = np.ones((len(rgb), 4), np.float32)
     rgba[:, :3] = from_srgb(np.arange(256) / 255).astype(np.float32)[rgb]
     return rgba
@@ -188,8 +190,8 @@ def fill_colours(attribute: bpy.types.Attribute, rgba: Array) -> None:
 
 
 def recolour_points(find_scene: Callable[[], bpy.types.Scene], full_m: float) -> Steps[None]:
-    """Colour the shown surface, if any, again in steps: errors of ``full_m`` metres and more get the full colour.
-    ``find_scene`` finds the scene anew after a pause."""
+    """Colour the shown surface again in steps, if there is one: errors of ``full_m`` metres and more get the full
+    colour. ``find_scene`` finds the scene anew after a pause."""
     mesh = _find_mesh_with_errors(find_scene())
     if mesh is None:
         return
@@ -203,7 +205,7 @@ def recolour_points(find_scene: Callable[[], bpy.types.Scene], full_m: float) ->
 
 
 def _find_mesh_with_errors(scene: bpy.types.Scene) -> bpy.types.Mesh | None:
-    """The mesh of the measured surface; None without one, or if an older file has no errors of it."""
+    """Find the mesh of the measured surface; None without one, or if an older file has no errors of it."""
     item = find_points(scene)
     if item is None or not {_ERROR_ATTRIBUTE, _COLOUR_ATTRIBUTE} <= set(item.data.attributes.keys()):
         return None
@@ -212,7 +214,7 @@ def _find_mesh_with_errors(scene: bpy.types.Scene) -> bpy.types.Mesh | None:
 
 
 def build_material(colour_attribute: str) -> bpy.types.Material:
-    """A material that shows a colour attribute independent of the light."""
+    """Build a material that shows a colour attribute independent of the light."""
     material = bpy.data.materials.new(NAME)
     material[TAG] = ROLE
     tree = Tree(compat.ensure_nodes(material))
@@ -223,7 +225,7 @@ def build_material(colour_attribute: str) -> bpy.types.Material:
 
 
 def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The measured surface that is shown in this scene, if any."""
+    """Find the measured surface that is shown in this scene; None without one."""
     return next(iter(list_shown(scene, ROLE)), None)
 
 

@@ -75,7 +75,7 @@ _LEGEND_ICONS = {
     "right": "BLANK1",
     "unknown": "COLORSET_13_VEC",
 }
-#: How far marks lie above the ground, metres.
+#: Height of marks above the ground, m.
 _ABOVE_M = 0.01
 #: Half the thickness of the lines of marks, m, and number of points of a ring.
 _LINE_RADIUS_M, _RING_POINTS = 0.006, 48
@@ -114,8 +114,8 @@ def paint_decisions(find_build: Callable[[], Built], stored: StoredMap, title: s
 
 
 def _colour_ground(to_the_world: Array, position: Array, stored: StoredMap) -> Array:
-    """Colours of ``to_linear_colours`` of the ground's vertices at positions (n, 3) in its coordinates; any thread may
-    call this. Raises IcyMoonError if no vertex is within the map."""
+    """Return the colours by ``to_linear_colours`` of the ground's vertices at positions (n, 3) in its coordinates. Any
+    thread may call this. Raises IcyMoonError if no vertex is within the map."""
     cell = stored.grid.find_cells(to_world(to_the_world, position))
     inside = cell >= 0
     if not inside.any():
@@ -144,7 +144,7 @@ def _show_in_scene(
 
 
 def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
-    """The title and the kind of the shown map; both empty if no map is shown."""
+    """Find the title and the kind of the shown map; both empty if no map is shown."""
     collection = find_painted(scene)
     stored: Any = collection.get(_COUNTS_PROPERTY) if collection else None
     kind = stored.get("map") if hasattr(stored, "items") else None
@@ -152,7 +152,8 @@ def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
 
 
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
-    """(text, icon) of each line: the colours with their meaning and share of the workspace, then the marks."""
+    """Make the lines (text, icon) of the legend: the colours with their meaning and share of the workspace, then the
+    marks."""
     title, kind = find_shown_map(scene)
     collection = find_painted(scene)
     if not kind or collection is None:
@@ -180,7 +181,7 @@ def _link_mark(collection: bpy.types.Collection, item: bpy.types.Object) -> None
 
 
 def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
-    """A ring as large as the footprint of the site, crossed out if a calibration gives the site no guarantee."""
+    """Draw a ring as large as the footprint of the site, crossed out if a calibration gives the site no guarantee."""
     angle = np.linspace(0.0, 2 * np.pi, _RING_POINTS, endpoint=False)
     ring = stored.disc_m / 2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     # Lines are closed, so the line across the ring goes there and back.
@@ -191,13 +192,13 @@ def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
 
 
 def _trace_reach(stored: StoredMap, reach: Array) -> list[Array]:
-    """Closed lines on the ground around the reach."""
+    """Trace the outlines of the reach as closed lines on the ground."""
     return [_place_on_ground(stored, way) for way in trace_outlines(reach)]
 
 
 def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
-    """Closed lines through positions (n, 3) as tubes with colours of vertices: in a camera view, bare lines and empties
-    are hidden with the overlays, and in Blender 5.2 objects without such colours are white."""
+    """Draw closed lines through positions (n, 3) as tubes with colours of vertices. In a camera view, bare lines and
+    empties are hidden with the overlays, and in Blender 5.2, objects without such colours are white."""
     tubes = [_make_tube(way) for way in ways]
     starts = np.cumsum([0, *(len(position) for position, _ in tubes)])
     mesh = build_mesh_from_arrays(
@@ -210,7 +211,7 @@ def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
 
 
 def _make_tube(way: Array) -> tuple[Array, Array]:
-    """Positions (n _LINE_SIDES, 3) and triangles of a tube along a closed line through positions (n, 3).
+    """Make a tube along a closed line through positions (n, 3): positions (n _LINE_SIDES, 3) and triangles.
 
     Seen from above, the tube has the same width at corners as between them.
     """
@@ -232,8 +233,8 @@ def _make_tube(way: Array) -> tuple[Array, Array]:
 
 
 def _place_on_ground(stored: StoredMap, place: Array) -> Array:
-    """Positions (n, 3) in metres just above the true ground at places (n, 2), in rows and columns from the outer
-    corner."""
+    """Return the positions (n, 3) in metres just above the true ground at places (n, 2), in rows and columns from the
+    outer corner."""
     grid, height = stored.grid, stored.height_m
     row, column = (np.clip(np.floor(place[:, axis]), 0, height.shape[axis] - 1).astype(np.intp) for axis in (0, 1))
     level = float(np.nanmedian(height)) if np.isfinite(height).any() else 0.0

@@ -127,7 +127,8 @@ def _has_same_edits(built: Built, pair: Pair) -> Steps[bool]:
 
 @dataclass(frozen=True)
 class MeshesToPaint:
-    """Arrays of a built scene's ground and rocks, from which any thread can find their errors."""
+    """Mesh arrays of the ground and rocks of a built scene. They hold no Blender data, so any thread can find their
+    errors."""
 
     to_world: Array  # (4, 4), from the ground's coordinates to the world's
     position: Array  # (n, 3) float32, of the ground's vertices in its coordinates, m
@@ -148,8 +149,8 @@ class Copies:
 @dataclass(frozen=True)
 class FoundErrors:
     """The errors of pairs on the ground of a scene and on ``copies`` of its rocks, and the number of pixels with each
-    kind of error. ``colours`` are those of ``to_linear_colours``, where errors of ``full_m`` metres and more have the
-    full colour.
+    kind of error. ``colours`` are from ``to_linear_colours``; errors of ``full_m`` metres and more have the full
+    colour.
     """
 
     ground: VertexErrors
@@ -457,7 +458,7 @@ def _find_seen_rocks(
 
 
 def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array) -> Array:
-    """How often the triangles of each instance must be divided to be narrow in the images."""
+    """Count how often the triangles of each instance must be divided to be narrow in the images."""
     longest = np.zeros(len(matrices))
     step = max(1, _AT_ONCE // max(1, len(corners)))
     for errors in found:
@@ -521,8 +522,8 @@ def _build_copies(copies: Copies) -> bpy.types.Object:
 
 
 def refuse_other_ground(built: Built, of_vertices: Array, *items: bpy.types.Object | None) -> None:
-    """Raise IcyMoonError if values ``of_vertices`` (n, …) are not of the built ground, or if some of the ``items`` that
-    were made for it are gone."""
+    """Raise IcyMoonError if ``of_vertices`` (n, …) has another number of vertices than the built ground, or if some of
+    the ``items`` that were made for it are gone."""
     if len(built.terrain.data.vertices) != len(of_vertices):
         raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
     try:

@@ -69,7 +69,7 @@ from .surface.patches_and_grain import mark_elevation
 from .surface.sheltered_ground import check_shelter, mark_shelter
 from .tree.builder import copy_values
 
-#: Maximum number of rocks on coarse ground, which are those that look largest.
+#: Maximum number of rocks on coarse ground. They are the rocks that look largest.
 MAX_ROCKS = 1000
 #: Maximum number of rocks that follow a slider.
 MAX_MOVED_ROCKS = 500
@@ -84,9 +84,8 @@ _CHANGED_MESSAGE = "Preview of the change; a render builds it"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on settings that the scene does not show or shows as a preview, and warnings about the fine ground that
-    replaced a coarse ground.
-    """
+    """Read sentences on settings that the scene does not show or shows as a preview, and warnings about the fine ground
+    that replaced a coarse ground."""
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
@@ -105,12 +104,12 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def lacks_trench(scene: bpy.types.Scene) -> bool:
-    """Whether the scene shows a preview without the trench of its settings."""
+    """Return whether the scene shows a preview without the trench of its settings."""
     return _UNDUG_MESSAGE in read_notes(scene)
 
 
 def has_coarse_ground(scene: bpy.types.Scene) -> bool:
-    """Whether the ground that is seen is the coarse one of a preview."""
+    """Return whether the ground that is seen is the coarse one of a preview."""
     collection = scenes.find_collection(scene)
     return collection is not None and "terrain" in read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
 
@@ -146,7 +145,7 @@ def put_coarse_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeOb
     built = scenes.put_in_scene(scene, settings, made)
     built.remember(settings, select_geometry(settings))
     mark_as_preview(built, settings)
-    return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
+    return replace(built, warnings=())  # they are about the coarse ground, and the fine ground brings its own
 
 
 def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
@@ -160,7 +159,8 @@ def mark_as_preview(built: scenes.Built, settings: Settings) -> None:
 
 
 def find_preview_of(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
-    """The built scene if it is a preview whose fine ground will follow; None if the ground's settings changed."""
+    """Find the built scene if it is a preview whose fine ground will follow; None for another scene, or if the ground's
+    settings changed."""
     built = scenes.find_built(scene)
     marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
@@ -270,7 +270,7 @@ def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]
 
 
 def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
-    """The rocks of the settings that look largest, with the coarsest shapes."""
+    """Scatter the rocks of the settings that look largest, with the coarsest shapes."""
     rocks, rig = make_paths_absolute(settings).rocks, settings.rig
     step_m = compute_vertex_spacing_m(settings.terrain)
 
@@ -408,7 +408,7 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
 
 
 def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
-    """Change the lights according to ``settings``; a sentence if the sky cannot be computed."""
+    """Change the lights according to ``settings``; return a sentence if the sky cannot be computed."""
     try:
         sky = compute_scene_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
@@ -454,13 +454,14 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
 
 
 def _has_moved(built: scenes.Built, rig: RigSettings) -> bool:
-    """Whether the ground under the cameras of ``rig`` may be another than under the rig of the build."""
+    """Return whether the ground under the cameras of ``rig`` may differ from the ground under the rig of the build."""
     of_build = built.settings.rig
     return (rig.x_m, rig.y_m) != (of_build.x_m, of_build.y_m) or "ZERO" in (rig.height_from, of_build.height_from)
 
 
 def _find_site_m(built: scenes.Built, settings: Settings, ground: Surface | None) -> float:
-    """Height in metres of the ground under the cameras of ``settings``, on ``ground`` if it has been made already.
+    """Find the height in metres of the ground under the cameras of ``settings``, on ``ground`` if it has been made
+    already.
 
     On ground from a file, away from the site where it was built, the height is read from the mesh and only approximate.
     """

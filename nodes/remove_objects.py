@@ -15,7 +15,8 @@ from .surface.images import remove_unused_images
 
 
 def find_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Objects, the shapes of rocks that they instance, and the node groups and collections of these instances."""
+    """Return the objects together with the shapes of rocks that they instance, and the node groups and collections of
+    these instances."""
     others = [part for item in objects for part in find_rock_parts(item, TAG)]
     return (
         [*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
@@ -38,7 +39,7 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 def remove_leftovers() -> None:
     """Remove built worlds, collections of lamps, shapes of rocks and stand-ins for own groups that have no users, and
-    what was built in scenes that the user has deleted."""
+    all objects that were built in scenes that the user has deleted."""
     for collection in [c for c in bpy.data.collections if c.get(TAG) == "scene" and c.users == 0]:
         remove_objects([item for item in collection.all_objects if TAG in item])
         bpy.data.batch_remove([*(c for c in collection.children_recursive if TAG in c), collection])
@@ -55,7 +56,7 @@ def remove_leftovers() -> None:
 
 
 def find_leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
-    """Objects that may lose their users when objects are removed: their parts, their data and their materials."""
+    """Find everything that may lose its users when objects are removed: their parts, their data and their materials."""
     every, others = find_parts(objects)
     parts = [*others, *(item for item in every if item not in objects)]
     return (
@@ -92,6 +93,6 @@ def _release_blocks(blocks: list[Any]) -> None:
 
 
 def free_names(blocks: Iterable[Any]) -> None:
-    """Rename data-blocks to the names of those that they replaced, without a number at the end."""
+    """Rename data-blocks to the names of the data-blocks that they replaced, without a number at the end."""
     for block in blocks:
         block.name = block.name.split(".")[0]

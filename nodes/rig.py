@@ -22,7 +22,7 @@ CLIP_M = 1.0e-4, 1.0e6
 
 
 def build_rig(name: str, rig: RigSettings, ground_m: float) -> bpy.types.Object:
-    """A camera from ``rig`` settings, ``rig.height_m`` above the ground at ``ground_m``."""
+    """Build a camera from ``rig`` settings, ``rig.height_m`` above the ground at ``ground_m``."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     camera.data.passepartout_alpha = 1.0
     place_rig(camera, rig, ground_m)
@@ -49,7 +49,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
 
 
 def list_lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
-    """The ``rig`` setting and the value of each property of Blender's camera."""
+    """Return the ``rig`` setting and the value of each property of Blender's camera, by property."""
     # Both shifts are in widths of the image, y up, and move the frame, not the axis.
     return {
         "type": ("rig.focal_length_mm", "PERSP"),
@@ -62,7 +62,7 @@ def list_lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
 
 
 def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
-    """Camera-to-world matrices (4, 4) of both eyes in OpenCV axes, positions in metres."""
+    """Find the camera-to-world matrices (4, 4) of both eyes in OpenCV's axes, with positions in metres."""
     left = np.array(matrix_world, np.float64)
     left[:3, :3] /= np.linalg.norm(left[:3, :3], axis=0)
     left[:3, :3] = left[:3, :3] @ OPENCV_FROM_BLENDER
@@ -73,9 +73,8 @@ def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
 
 @contextmanager
 def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Rotate an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and back at the end.
-    ``about`` is the camera if the object is not the camera but the housing of the cameras.
-    """
+    """Rotate an object clockwise by ``turn_deg`` degrees about the vertical through the left eye, and rotate it back at
+    the end. ``about`` is the camera if the object is the housing of the cameras."""
     # Setting the old matrix would change location and rotation by a rounding error, which would count as an edit.
     pose = {
         key: tuple(getattr(camera, key))

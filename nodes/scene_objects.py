@@ -77,26 +77,27 @@ class MadeObjects:
     #: Meshes and materials of objects that are not finished.
     unfinished: list[bpy.types.ID] = field(default_factory=list)
 
-    def keep_sky(self, keep: bool) -> None:
-        """Whether to keep the world, if it is made, without users."""
+    def keep_unused_sky(self, keep: bool) -> None:
+        """Choose whether the file keeps the world, if it is made, while nothing uses it."""
         if self.sky is not None:
             self.sky.use_fake_user = keep
 
     def is_there(self) -> bool:
-        """Whether no object was removed since it was made, for example by *Purge Unused Data*."""
+        """Return whether all objects still exist; for example, *Purge Unused Data* may remove them."""
         return all(block is not None and _exists(block) for block in (*self.objects, self.sky))
 
     def remove(self) -> None:
-        """Remove all that was made, is not in a scene, and was not removed already, by undo for example."""
+        """Remove every made object that is not in a scene and still exists; undo, for example, may have removed
+        some."""
         if self.sky is not None and not _exists(self.sky):
             self.sky = None
-        self.keep_sky(False)
+        self.keep_unused_sky(False)
         remove_objects([item for item in self.objects if _exists(item)])
         remove_unused([block for block in self.unfinished if _exists(block)], [self.sky])
 
 
 def _exists(block: bpy.types.ID) -> bool:
-    """Whether a data-block is in the file, and was not removed since it was made."""
+    """Return whether a data-block still exists in the file."""
     try:
         return bool(block.name)
     except ReferenceError:
@@ -104,25 +105,27 @@ def _exists(block: bpy.types.ID) -> bool:
 
 
 def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:
-    """Mark a data-block as ours, in a role."""
+    """Mark a data-block as built by Icy Moon, in a role."""
     block[TAG] = role
     return block
 
 
 def make_ground(settings: Settings) -> Terrain:
-    """The height function of the procedural ground."""
+    """Make the height function of the procedural ground."""
     # Files of rocks are read for their skirts.
     found = make_paths_absolute(settings) if settings.rocks.skirt > 0 else settings
     return make_terrain(found, int(settings.dataset.seed))
 
 
 def read_stated_ground_m(rig: RigSettings) -> float:
-    """Height in metres of the ground under a left camera, from its stated heights above zero and above the ground."""
+    """Read the height in metres of the ground under a left camera, from its stated heights above zero and above the
+    ground."""
     return float(rig.z_m) - float(rig.height_m)
 
 
 def find_site_ground_m(settings: Settings, ground: Surface) -> float:
-    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground.
+    """Find the height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the
+    ground.
 
     For a camera whose height is stated, use ``read_stated_ground_m``.
     """
@@ -162,12 +165,12 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> Steps[MadeO
 
 
 def is_coarse(ground: MeshedGround | UserGround) -> bool:
-    """Whether a ground is the coarse one of a preview."""
+    """Return whether a ground is the coarse one of a preview."""
     return isinstance(ground, MeshedGround) and ground.most_rocks is not None
 
 
 def _make_parts(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround, sky: Sky) -> Steps[None]:
-    """Add the objects of the scene and their warnings to what is ``made``."""
+    """Add the objects of the scene and their warnings to ``made``."""
     terrain = yield from _make_terrain(made, settings, ground)
     camera = mark_as_built(build_rig(f"{NAME} Camera", jitter_rig(settings), made.site_m), "camera")
     made.objects.append(camera)
@@ -199,7 +202,7 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
 
 
 def _make_terrain(made: MadeObjects, settings: Settings, meshed: MeshedGround | UserGround) -> Steps[bpy.types.Object]:
-    """Add the object of the ground with its material, and warnings about it, to what is ``made``; return the object."""
+    """Add the object of the ground with its material, and warnings about it, to ``made``; return the object."""
     ground = meshed.surface
     mesh = meshed.build_mesh(f"{NAME} Terrain")
     made.unfinished = [mesh]
@@ -237,7 +240,7 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
 
 
 def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
-    """Height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
+    """Find the height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
     rig, size = settings.rig, settings.terrain.size_m
     height = find_site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
@@ -276,9 +279,10 @@ def _add_rocks(made: MadeObjects, settings: Settings, ground: MeshedGround | Use
 def _place_rocks(
     settings: Settings, ground: MeshedGround | UserGround, height_at: HeightAt
 ) -> tuple[tuple[tuple[RockShape, ...], ...], Rocks, int]:
-    """The shapes of the rocks, the rocks on ground of the heights ``height_at``, and the number of rocks that lost
-    support by an excavation. Paths in ``settings`` are absolute, and any thread may call this if it may call
-    ``height_at``."""
+    """Place the rocks on ground of the heights ``height_at``. Returns the shapes of the rocks, the rocks, and the
+    number of rocks that lost support by an excavation. Paths in ``settings`` are absolute, and any thread may call this
+    if it may call ``height_at``.
+    """
     seed, wanted, rig = int(settings.dataset.seed), settings.rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
     clear = rig.x_m, rig.y_m, wanted.clear_radius_m
@@ -295,7 +299,7 @@ def _place_rocks(
 
 
 def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
-    """Sentences on rocks that the settings ask for and that are left out."""
+    """Return sentences on rocks that the settings ask for but that are left out."""
     wanted, view = make_paths_absolute(settings).rocks, make_view_beyond(settings)
     warnings, most = list[str](), format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
@@ -335,7 +339,8 @@ def _advise_on_rocks(settings: Settings, rocks: Rocks) -> list[str]:
 
 
 def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
-    """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
+    """Find the distance in metres between neighbouring vertices where the cameras see the ground nearest; on ground
+    from a file, the mean distance."""
     if isinstance(ground, GradedGround):
         height_m = float(settings.rig.height_m)
         return float(ground.grading.spacing_at(math.sqrt(max(nearest_ground_m(settings.rig) ** 2 - height_m**2, 0.0))))

@@ -1,4 +1,4 @@
-"""Objects that are shown in a scene beside what is built, in a collection that is not rendered: results and points."""
+"""Shows objects in a scene beside the built objects, in a collection that is not rendered: results and points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def link_shown(scene: bpy.types.Scene, item: bpy.types.Object, name: str, role: 
 
 
 def begin_collection(scene: bpy.types.Scene, name: str, role: str) -> bpy.types.Collection:
-    """Add a collection to a scene that is not rendered."""
+    """Add a collection, which is not rendered, to a scene."""
     collection = bpy.data.collections.new(name)
     collection[TAG] = role
     collection.hide_render = True
@@ -24,12 +24,12 @@ def begin_collection(scene: bpy.types.Scene, name: str, role: str) -> bpy.types.
 
 
 def find_collections(scene: bpy.types.Scene, role: str) -> list[bpy.types.Collection]:
-    """The collections of a scene with this role."""
+    """Find the collections of a scene with this role."""
     return [each for each in scene.collection.children if each.get(TAG) == role]
 
 
 def list_shown(scene: bpy.types.Scene, role: str) -> list[bpy.types.Object]:
-    """The objects that are shown in a scene with this role, without the user's own."""
+    """List the objects with this role that are shown in a scene, without the user's own."""
     return [item for each in find_collections(scene, role) for item in each.objects if item.get(TAG) == role]
 
 

@@ -51,25 +51,26 @@ def write_build(built: Built, path: Path) -> None:
 
 
 def _find_edges_file(path: Path) -> Path:
-    """The file of the ground's edges beside a .blend file."""
+    """Find the file of the ground's edges beside a .blend file."""
     return path.with_suffix(".edges.npz")
 
 
 def read_build(path: Path) -> MadeObjects:
-    """As ``read_build_in_steps``, at once."""
+    """Read a stored build at once, see ``read_build_in_steps``."""
     return finish(read_build_in_steps(path))
 
 
 def read_build_in_steps(path: Path) -> Steps[MadeObjects]:
-    """The objects of a stored build, in no collection yet, with what the build has recorded, in steps. Nothing that was
-    read remains if the steps end early. Raises IcyMoonError if a file is gone or damaged, or if a part is removed
-    meanwhile."""
+    """Read in steps the objects of a stored build, in no collection yet, and the facts that the build has recorded.
+    Nothing that was read remains if the steps end early. Raises IcyMoonError if a file is gone or damaged, or if a part
+    is removed meanwhile.
+    """
     edges_file = _find_edges_file(path)
     with _name_unreadable(edges_file):
         edges = yield partial(read_edges, edges_file)
     with _name_unreadable(path):
         made = _read_objects(path)
-    made.keep_sky(True)  # the live preview removes worlds without users
+    made.keep_unused_sky(True)  # the live preview removes worlds without users
     try:
         yield None
         yield from give_edges(made.objects[0].data, edges)
@@ -79,7 +80,7 @@ def read_build_in_steps(path: Path) -> Steps[MadeObjects]:
     except BaseException:
         made.remove()
         raise
-    made.keep_sky(False)
+    made.keep_unused_sky(False)
     return made
 
 
@@ -96,7 +97,7 @@ def _name_unreadable(path: Path) -> Iterator[None]:
 
 
 def _read_objects(path: Path) -> MadeObjects:
-    """The objects of a stored build, the ground first and without its edges."""
+    """Read the objects of a stored build, the ground first and without its edges."""
     before = set(bpy.data.libraries)
     with bpy.data.libraries.load(str(path), link=False) as (stored, wanted):
         wanted.collections, wanted.worlds = list(stored.collections), list(stored.worlds)

@@ -66,7 +66,7 @@ def hide_errors(scene: bpy.types.Scene) -> None:
 
 def hide_colours(scene: bpy.types.Scene) -> None:
     """Remove what a scene shows in colours, and restore its views."""
-    lidar_in_view.clear(scene)
+    lidar_in_view.clear_scan(scene)
     hide_errors(scene)
 
 

@@ -204,7 +204,7 @@ class ICYMOON_OT_hide_scan(ExplainedOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()
-        lidar_in_view.clear(context.scene)
+        lidar_in_view.clear_scan(context.scene)
         give_back_views(context.scene)
         return {"FINISHED"}
 

@@ -163,7 +163,7 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     if job.failure:
         raise IcyMoonError(job.failure)
     made = yield from read_build_in_steps(Path(job.result["scene"]))
-    made.keep_sky(True)  # the live preview removes worlds without users
+    made.keep_unused_sky(True)  # the live preview removes worlds without users
     try:
         yield None
         marks = yield from _read_marks(made)
@@ -171,7 +171,7 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
     except BaseException:
         made.remove()
         raise
-    made.keep_sky(False)
+    made.keep_unused_sky(False)
     _put_refined(built, of, made)
     bpy.context.view_layer.update()  # Blender announces the new meshes
     keep_marks.keep_marks(marks)

@@ -16,7 +16,7 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..physics.scene_checks import find_reasons_without_file
-from ..render.cost.blender_abilities import Abilities, describe_lack_for_quality
+from ..render.cost.blender_abilities import Abilities, explain_unavailable_quality
 from ..render.cost.measure_speed import read_speed_of_pair
 from ..render.cost.quality_presets import estimate_render_seconds
 from ..render.cycles_settings import check_possible
@@ -95,7 +95,7 @@ def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Buil
 def find_whether_edited(scene_uid: int) -> Steps[bool]:
     """Whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be detected."""
     built = _find_traceable(require_scene(scene_uid))
-    return built is not None and (yield from built.find_whether_edited())
+    return built is not None and (yield from built.is_edited_in_steps())
 
 
 def require_scene(scene_uid: int) -> bpy.types.Scene:
@@ -153,7 +153,7 @@ def plan_pairs_in_steps(scene: bpy.types.Scene, settings: Settings) -> Steps[lis
         scenes.separate_from_copies(built)
     # Reading the marks of a full ground takes 0.2 s, so they are read only once.
     if built is not None and (
-        not scenes.list_changed_settings(built, settings) or (yield from built.find_whether_edited())
+        not scenes.list_changed_settings(built, settings) or (yield from built.is_edited_in_steps())
     ):
         return expand_headings(settings, (yield from built.find_extra()))
     return expand_headings(settings, scenes.make_build_facts(settings))
@@ -182,7 +182,7 @@ def explain_missing_denoiser(scene: bpy.types.Scene) -> str:
     """A sentence that this Blender lacks the denoiser of a scene, with the fix; empty if it has it. Graphics cards are
     not looked for, since panels ask at each redraw."""
     quality = scene_properties.read_for_display(scene.icymoon).quality
-    return describe_lack_for_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
+    return explain_unavailable_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
 
 
 class ICYMOON_OT_render_pair(PreparingOperator, bpy.types.Operator):

@@ -1,4 +1,4 @@
-"""Embree without a wrapper: the library that Blender has for Cycles, or the library in the package embreex.
+"""Calls Embree without a wrapper: the library that Blender has for Cycles, or the library in the package embreex.
 
 Embree 4 API, https://www.embree.org/api.html. Vertices stay where they are; Embree keeps a pointer to them.
 """
@@ -81,7 +81,7 @@ _CALLS = {
 
 
 def _find_files(folders: Sequence[Path]) -> Iterator[str]:
-    """The candidate files of the library: in ``folders``, in embreex, and in the system's search path."""
+    """Yield the candidate files of the library: in ``folders``, in embreex, and in the system's search path."""
     spec = importlib.util.find_spec("embreex")
     if spec is not None and spec.origin is not None:
         package = Path(spec.origin).parent
@@ -93,7 +93,7 @@ def _find_files(folders: Sequence[Path]) -> Iterator[str]:
 
 
 def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Embree, from one of ``folders``, else from the package embreex or the system; None if it is missing."""
+    """Load Embree from one of ``folders``, else from the package embreex or the system; None if it is missing."""
     for file in _find_files(folders):
         try:
             library = ctypes.CDLL(file)
@@ -112,7 +112,7 @@ class EmbreeTracer:
     name = "Embree"
 
     def __init__(self, library: ctypes.CDLL, world: World) -> None:
-        """Raises MemoryError if Embree has not enough memory for the trees."""
+        """Build the search trees. Raises MemoryError if Embree has not enough memory for them."""
         self._library = library
         self._kept: list[Array] = []
         self._device = library.rtcNewDevice(None)
@@ -121,7 +121,7 @@ class EmbreeTracer:
         self.place(world)
 
     def _build_shape(self, vertices: Array, triangles: Array) -> int:
-        """A scene of the triangles of a shape."""
+        """Build an Embree scene of the triangles of a shape, and return its handle."""
         library = self._library
         # Embree reads four bytes after the last vertex.
         padded = np.empty((len(vertices) + 1, 3), np.float32)
@@ -174,8 +174,10 @@ class EmbreeTracer:
             self._top, self._kept = None, []
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
-        """The first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
-        Tracing is fastest if sixteen consecutive rays have similar directions. Distances are in single precision."""
+        """Find the first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or
+        (n, 3). Tracing is fastest if sixteen consecutive rays have similar directions. Distances are in single
+        precision.
+        """
         count = len(direction)
         along, place, triangle = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32)
         u, v = np.empty(count, np.float32), np.empty(count, np.float32)
@@ -190,8 +192,8 @@ class EmbreeTracer:
         return Hits(along, place, triangle, u, v)
 
     def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
-        """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
-        before it begins meets nothing."""
+        """Return whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that
+        ends before it begins meets nothing."""
         blocked = np.empty(len(direction), bool)
         for part, packets in self._make_ray_packets(origin, direction, near, np.asarray(far, np.float32)):
             self._trace(self._library.rtcOccluded16, packets)
@@ -201,7 +203,7 @@ class EmbreeTracer:
     def _make_ray_packets(
         self, origin: Array, direction: Array, near: float, far: Array
     ) -> Iterator[tuple[slice, Array]]:
-        """Records (k, _PACKET_ROWS, RAYS_PER_PACKET) of rays, each with the slice of its rays."""
+        """Yield records (k, _PACKET_ROWS, RAYS_PER_PACKET) of rays, each with the slice of its rays."""
         count = len(direction)
         for first in range(0, count, _MAX_PACKETS * RAYS_PER_PACKET):
             part = slice(first, min(count, first + _MAX_PACKETS * RAYS_PER_PACKET))
@@ -229,14 +231,14 @@ class EmbreeTracer:
 
 
 def _make_packets(count: int) -> Array:
-    """Memory for records (count, _PACKET_ROWS, RAYS_PER_PACKET) at a multiple of 64 bytes, float32, all 0."""
+    """Allocate records (count, _PACKET_ROWS, RAYS_PER_PACKET), float32, all 0, at a multiple of 64 bytes."""
     memory = np.zeros(count * _PACKET_ROWS * RAYS_PER_PACKET + RAYS_PER_PACKET, np.float32)
     skip = -memory.ctypes.data % 64 // 4
     return memory[skip : skip + count * _PACKET_ROWS * RAYS_PER_PACKET].reshape(count, _PACKET_ROWS, RAYS_PER_PACKET)
 
 
 def _fill_packets(target: Array, values: Array) -> None:
-    """Write values of rays, one for all or (n,), to (k, RAYS_PER_PACKET) of packets; the last packet may have spare
+    """Write values of rays, one for all or (n,), into packets (k, RAYS_PER_PACKET); the last packet may have spare
     room."""
     if values.ndim == 0:
         target[:] = values
@@ -248,5 +250,5 @@ def _fill_packets(target: Array, values: Array) -> None:
 
 
 def _flatten_packets(values: Array, part: slice) -> Array:
-    """Values (k, 16) of the rays of a part, in a row."""
+    """Flatten values (k, 16) of packets to one value for each ray of a part, (n,)."""
     return values.reshape(-1)[: part.stop - part.start]

@@ -1,4 +1,4 @@
-"""Whether a place is inside a rock or under the ground."""
+"""Finds out whether a place is inside a rock or under the ground."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
 
 
 def _determinant(world: World, place: int) -> float:
-    """The determinant of an instance's matrix; negative for a mirrored instance, whose normals turn inward."""
+    """Return the determinant of an instance's matrix; negative for a mirrored instance, whose normals turn inward."""
     return float(np.linalg.det(world.places[place, :3, :3]))

@@ -1,4 +1,4 @@
-"""The choice of the engine that traces rays in this process."""
+"""Chooses the engine that traces rays in this process."""
 
 from __future__ import annotations
 

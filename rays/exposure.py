@@ -1,4 +1,5 @@
-"""How much of what falls on ground from one side arrives at its vertices, past other ground and rocks."""
+"""Finds the share of the grains falling on ground from one side that arrives at its vertices, past other ground and
+rocks."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from .surface import Tracer
 
 #: Directions from which grains come, if they come from a cone.
 _DIRECTIONS = 16
-#: Height above a vertex at which its rays start, and share of its distance from the origin that single precision takes.
+#: Height above a vertex at which its rays start, m, and the share of its distance from the origin that is added because
+#: of single precision.
 _LIFT_M, _LIFT_SHARE = 1e-3, 1e-6
 #: Number of vertices whose rays are traced at a time.
 _VERTICES_AT_ONCE = 2**18
@@ -21,8 +23,8 @@ _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
 def list_directions(origin: tuple[float, float, float], spread_deg: float) -> Array:
-    """Unit vectors (n, 3), equally dense over a cone of half the width ``spread_deg`` around the unit vector
-    ``origin``; those at or below the horizon are left out. Without a spread it is ``origin`` alone."""
+    """List unit vectors (n, 3), equally dense over a cone of half the width ``spread_deg`` around the unit vector
+    ``origin``. Vectors at or below the horizon are left out. Without a spread, ``origin`` is the only one."""
     if spread_deg == 0.0:
         return np.array([origin])
     step = np.arange(_DIRECTIONS) + 0.5
@@ -36,10 +38,11 @@ def list_directions(origin: tuple[float, float, float], spread_deg: float) -> Ar
     return np.asarray(made[made[:, 2] > 0.0])
 
 
-def find_exposed(world: World, tracer: Tracer, points: Array, directions: Array) -> Array:
-    """Share (n,) of what falls on level, open ground from ``directions`` (k, 3) that arrives over points (n, 3) of the
-    world. Each direction counts by its upward part, as level ground receives from it. Rays are traced only from points
-    that something may shelter."""
+def find_exposed_share(world: World, tracer: Tracer, points: Array, directions: Array) -> Array:
+    """Find the share (n,) of grains that arrives at points (n, 3) of the world, relative to level, open ground. The
+    grains fall from ``directions`` (k, 3). Each direction is weighted by its upward component, because level ground
+    receives in proportion to it. Rays are traced only from points that something may shelter.
+    """
     weight = directions[:, 2] / directions[:, 2].sum()
     start_m = points.astype(np.float64)
     start_m[:, 2] += _LIFT_M + _LIFT_SHARE * np.abs(start_m).max(axis=1)

@@ -1,4 +1,4 @@
-"""Scans of laser scanners: their beams traced against triangles, in batches of bounded memory."""
+"""Scans of laser scanners: their beams are traced against triangles, in batches of bounded memory."""
 
 from __future__ import annotations
 
@@ -61,8 +61,10 @@ def scan_and_measure(
     digitiser: Digitiser | None = None,
 ) -> Iterator[ScannedBeams]:
     """Yield the returns of ``scan`` with the delay of light in ice and the measurements of a detector.
+
     ``albedo`` varies the reflectance over the ground; ``digitiser`` records the waveforms of a detector. Raises
-    IcyMoonError as ``scan`` does, and for a detector that cannot measure with the instrument."""
+    IcyMoonError as ``scan`` does, and for a detector that cannot measure with the instrument.
+    """
     measurement = Measurement(instrument, sensing)
     recorder = None if digitiser is None else Recorder(digitiser, measurement)
     for first, end, found in _trace_batches(world, tracer, instrument, pose, laws, albedo):
@@ -88,7 +90,7 @@ def _trace_batches(
     laws: Mapping[int, Backscatter],
     albedo: AlbedoMap | None = None,
 ) -> Iterator[tuple[int, int, Returns]]:
-    """For each batch: its first beam, the beam after its last, and all returns of the batch."""
+    """Yield for each batch its first beam, the beam after its last, and all returns of the batch."""
     rays = make_sub_rays(instrument.sub_rays)
     step = max(1, _RAYS_AT_ONCE // len(rays.weight))
     for first in range(0, instrument.pattern.count, step):
@@ -104,7 +106,7 @@ def _trace_batches(
 def scan_whole(
     world: World, tracer: Tracer, instrument: Instrument, pose: SensorPose, laws: Mapping[int, Backscatter]
 ) -> Returns:
-    """All returns of ``scan``."""
+    """Scan at once, and return all returns of ``scan``."""
     return join_returns(scan(world, tracer, instrument, pose, laws))
 
 
@@ -143,7 +145,7 @@ def trace_beams(
 
 
 def _compute_energy(instrument: Instrument, laws: Mapping[int, Backscatter], seen: Surface, direction: Array) -> Array:
-    """The energy in J (n,) that comes back by each ray, if it had the whole pulse."""
+    """Compute the energy (n,) in J that each ray would return if it carried the whole pulse."""
     cosine = np.clip(-np.einsum("ij,ij->i", direction, seen.normal), 0.0, 1.0)
     reflectance = np.zeros(len(cosine))
     met = seen.along < np.inf

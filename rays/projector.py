@@ -1,4 +1,5 @@
-"""Patterns of a projector as eyes see them: rays of each pixel meet the ground, and rays from there the projector."""
+"""Patterns of a projector as eyes see them. Rays of each pixel meet the ground, and rays from there meet the
+projector."""
 
 from __future__ import annotations
 
@@ -21,9 +22,10 @@ _CLEARANCE = 1e-5
 @dataclass(frozen=True)
 class ProjectedEye:
     """A projector's light in the image of an eye. ``share`` (count, rows, columns) float32 is the direct light of each
-    pattern over the light of a lamp that has the projector's intensity in the whole cone around its field, 0 in shadow.
-    ``place`` (rows, columns, 2) float32 are the projector's coordinates that light the middle of each pixel, NaN in
-    shadow."""
+    pattern, divided by the light of a lamp that has the projector's intensity in the whole cone around its field; 0 in
+    shadow. ``place`` (rows, columns, 2) float32 are the projector's coordinates that light the middle of each pixel;
+    NaN in shadow.
+    """
 
     share: Array
     place: Array
@@ -31,8 +33,8 @@ class ProjectedEye:
 
 @lru_cache
 def find_sample_offsets(count: int) -> tuple[float, ...]:
-    """Offsets in pixels of ``count`` samples of equal weight, for either axis, spread as the pixel filter of images, on
-    which the contrast of patterns depends."""
+    """Find the offsets in pixels of ``count`` samples of equal weight, for either axis. They spread as the pixel filter
+    of images does, on which the contrast of patterns depends."""
     at = np.linspace(-0.5, 0.5, 20001)
     angle = 2 * np.pi * (at + 0.5)
     weight = 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)

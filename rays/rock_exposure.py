@@ -1,4 +1,4 @@
-"""How much of what falls on rocks from one side arrives, past other rocks and the ground.
+"""Finds the share of the grains falling on rocks from one side that arrives, past other rocks and the ground.
 
 Rocks are instances of a few shapes, so their vertices cannot have values of their own. Each rock has a plane of values
 instead: the share that others keep away is ``level`` + ``slope`` · position, held between 0 and 1. The plane is fitted
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..support.arrays import Array
-from .exposure import find_exposed
+from .exposure import find_exposed_share
 from .shapes import Placed, World, dot_products, normalize
 from .surface import Tracer
 
@@ -29,21 +29,21 @@ _CLEARANCE_M = 2e-3
 
 @dataclass(frozen=True)
 class RockShelter:
-    """For each of n rocks, the share of grains that others keep away, ``level`` (n,) + ``slope`` (n, 3) · position in
-    metres, before it is held between 0 and 1."""
+    """Shelter of n rocks: the share of grains that other ground and rocks keep away is ``level`` (n,) + ``slope``
+    (n, 3) · position in metres, before it is held between 0 and 1."""
 
     level: Array
     slope: Array
 
 
 def find_rock_shelter(world: World, tracer: Tracer, rocks: list[Placed], count: int, directions: Array) -> RockShelter:
-    """The shelter of ``count`` rocks, whose numbers in ``rocks`` are their indices, from ``directions`` (k, 3). The
-    first shape of the world is the ground."""
+    """Find the shelter of ``count`` rocks from grains of ``directions`` (k, 3). The numbers in ``rocks`` are the rocks'
+    indices. The first shape of the world is the ground."""
     found = RockShelter(np.zeros(count), np.zeros((count, 3)))
     axis = normalize(directions.sum(axis=0)[None])[0]
     chosen = [_choose_points(each, axis) for each in rocks]
     asked = np.concatenate([points[weights > 0.0] for points, weights in chosen])
-    sheltered = 1.0 - find_exposed(world, tracer, asked, directions)
+    sheltered = 1.0 - find_exposed_share(world, tracer, asked, directions)
     buried = _are_buried(tracer, asked)
     start = 0
     for each, (points, weights) in zip(rocks, chosen, strict=True):
@@ -58,14 +58,15 @@ def find_rock_shelter(world: World, tracer: Tracer, rocks: list[Placed], count: 
 
 
 def _are_buried(tracer: Tracer, points: Array) -> Array:
-    """Whether points (n, 3) are under the ground, which no image shows: the first thing above them is the ground."""
+    """Return whether points (n, 3) are under the ground, where no image shows them, as bool (n,): the first thing above
+    them is the ground."""
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
     return np.asarray(tracer.intersect(points, up, 0.0, np.inf).place == 0)
 
 
 def _choose_points(rocks: Placed, axis: Array) -> tuple[Array, Array]:
-    """Points (k, m, 3) of k rocks of one shape, and their weights (k, m): how much they look along ``axis`` (3,). They
-    are a little outside."""
+    """Choose points (k, m, 3), a little outside k rocks of one shape, and their weights (k, m), which tell how much
+    they look along ``axis`` (3,)."""
     shape, matrices = rocks.shape, rocks.places[:, :3, :3]
     chosen = np.unique(np.linspace(0, len(shape.vertices) - 1, _SAMPLES).round().astype(int))
     points = shape.vertices[chosen].astype(np.float64) @ matrices.swapaxes(1, 2) + rocks.places[:, None, :3, 3]
@@ -78,8 +79,8 @@ def _choose_points(rocks: Placed, axis: Array) -> tuple[Array, Array]:
 
 
 def _fit_planes(points: Array, weights: Array, values: Array, middles: Array) -> tuple[Array, Array]:
-    """Levels (k,) and slopes (k, 3) of the planes through ``values`` (k, m) at points (k, m, 3), with middles (k,
-    3)."""
+    """Fit planes through ``values`` (k, m) at points (k, m, 3), with middles (k, 3). Return their levels (k,) and
+    slopes (k, 3)."""
     away = points - middles[:, None]
     size = np.maximum(np.linalg.norm(away, axis=2).max(axis=1), 1e-9)
     terms = np.concatenate([np.ones((*weights.shape, 1)), away / size[:, None, None]], axis=2)

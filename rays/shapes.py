@@ -18,7 +18,7 @@ class Shape:
     ``vertices`` (n, 3) float32 and ``triangles`` (m, 3) uint32. ``smooth`` (m,) triangles are shaded with normals
     interpolated between their vertices. ``label`` (m,) uint8 is the kind of object that a triangle belongs to.
     ``passing`` (n,) float32 is the share of light that goes through at a vertex; None if the shape is opaque.
-    ``loose_m`` (n,) float32 is the thickness of loose material at a vertex; None if there is none.
+    ``loose_m`` (n,) float32 is the thickness of loose material at a vertex; None without loose material.
     """
 
     vertices: Array
@@ -29,8 +29,8 @@ class Shape:
     loose_m: Array | None = None
 
     def planes(self, triangles: Array) -> Array:
-        """Planes (n, 4) float64 of triangles (n,): the cross product of two sides, in m², and its dot product with the
-        first corner, in m³. Each plane is computed once, since many rays meet the same triangle."""
+        """Return the planes (n, 4) float64 of triangles (n,): the cross product of two sides, in m², and its dot
+        product with the first corner, in m³. Each plane is computed once, since many rays meet the same triangle."""
         asked = np.zeros(len(self.triangles), bool)
         asked[triangles] = True
         each = np.flatnonzero(asked)
@@ -98,7 +98,7 @@ class World:
         return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
 
     def _first_place(self, number: int) -> int:
-        """The index of the first instance of a shape."""
+        """Return the index of the first instance of a shape."""
         return int(np.searchsorted(self.of, number))
 
     @cached_property
@@ -111,7 +111,7 @@ class World:
         return dot_products(self.places[:, 0, :3], self._cofactors[:, 0])
 
     def highest_m(self) -> float:
-        """A height in metres that no vertex exceeds, from boxes around the placed shapes; 0 without shapes."""
+        """Find a height in metres that no vertex exceeds, from boxes around the placed shapes; 0 without shapes."""
         tops = [0.0] if not len(self.places) else []
         for each in self.placed:
             low, high = each.shape.vertices.min(axis=0), each.shape.vertices.max(axis=0)
@@ -142,16 +142,16 @@ class Hits:
 
 
 def cross_products(one: Array, other: Array) -> Array:
-    """Cross products (n, 3); numpy's own takes three times as long."""
+    """Return the cross products (n, 3) of vectors (n, 3); numpy's own function takes three times as long."""
     (a, b, c), (d, e, f) = one.T, other.T
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
 def dot_products(one: Array, other: Array) -> Array:
-    """Dot products (n,) of vectors (n, 3)."""
+    """Return the dot products (n,) of vectors (n, 3)."""
     return np.asarray(np.einsum("ij,ij->i", one, other))
 
 
 def normalize(vectors: Array) -> Array:
-    """Unit vectors (n, 3); 0 stays 0."""
+    """Scale vectors (n, 3) to unit length; 0 stays 0."""
     return np.asarray(vectors / np.maximum(np.sqrt(dot_products(vectors, vectors)), np.finfo(float).tiny)[:, None])

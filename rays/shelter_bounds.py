@@ -1,14 +1,14 @@
-"""Points that nothing can shelter from falling grains, found without rays.
+"""Finds, without rays, the points that nothing can shelter from falling grains.
 
 A path that begins outside a closed surface enters it through a face that looks away from the origin of the grains. So
 only such faces, and rocks, can shelter anything. On a path up along d, the place x less z times the middle lean of all
 paths changes by at most z rho, with the largest difference rho of the leans d_xy / d_z from their middle. So in places
-that are moved like this, what has its top at z_b shelters nothing that is higher than z_b - D / rho at the horizontal
-distance D. The envelope of these bounds is kept in cells of rings and azimuths, whose widths grow with the distance
-from the origin of the world, as the spacing of a ground's vertices does.
+that are moved in this way, an object with its top at z_b shelters nothing that is higher than z_b - D / rho at the
+horizontal distance D. The envelope of these bounds is kept in cells of rings and azimuths, whose widths grow with the
+distance from the origin of the world, as the spacing of a ground's vertices does.
 
-A distance between two cells is bounded from below. With the difference d of the radii, the inner radius r and the
-angle a, D² = d² + 4 r (r + d) sin²(a / 2) is at least d² + (2 r a / pi)², so D is at least (d + 2 r a / pi) / sqrt(2).
+A distance between two cells is bounded from below. With the difference d of the radii, the inner radius r and the angle
+a, D² = d² + 4 r (r + d) sin²(a / 2) is at least d² + (2 r a / pi)², so D is at least (d + 2 r a / pi) / sqrt(2).
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ class _Paths:
 
     @classmethod
     def of(cls, directions: Array) -> _Paths:
-        """The paths along unit vectors (k, 3), which all rise."""
+        """Make the paths along unit vectors (k, 3), which all rise."""
         leans = directions[:, :2] / directions[:, 2:]
         middle = (leans.min(axis=0) + leans.max(axis=0)) / 2
         spread = np.linalg.norm(leans - middle, axis=1).max()
         return cls(directions, middle, 1.0 / max(float(spread), _MIN_SPREAD))
 
     def move(self, points: Array) -> Array:
-        """Points (…, 3) at their places less the lean for each metre of height."""
+        """Move points (…, 3) against the lean of the paths, by their height times the lean."""
         return np.concatenate([points[..., :2] - points[..., 2:] * self.lean, points[..., 2:]], axis=-1)
 
 
 def find_uncertain(world: World, points: Array, directions: Array) -> Array:
-    """Indices of those of the points (n, 3) of the world that something may shelter on a path to one of the unit
+    """Find the indices of the points (n, 3) of the world that something may shelter on a path to one of the unit
     vectors ``directions`` (k, 3), which all rise."""
     paths = _Paths.of(directions)
     tops = np.concatenate([np.zeros((0, 3)), *(_list_tops(each, paths) for each in world.placed)])
@@ -60,13 +60,13 @@ def find_uncertain(world: World, points: Array, directions: Array) -> Array:
     count = 2 + int(max(rings.max(), rings_of_tops.max()))
     highest = np.full(count * _AZIMUTHS, -np.inf)
     np.maximum.at(highest, cells_of_tops, tops[:, 2])
-    envelope = _spread(highest.reshape(count, _AZIMUTHS), paths.steepness)
+    envelope = _spread_cones(highest.reshape(count, _AZIMUTHS), paths.steepness)
     return np.flatnonzero(points[:, 2] < envelope.ravel()[cells])
 
 
 def _list_tops(placed: Placed, paths: _Paths) -> Array:
-    """Moved places (k, 3) of what can shelter, each at the tip of a cone with the slope of the bounds that covers
-    it."""
+    """List the moved tips (k, 3) of cones, one over each object that can shelter. A cone has the slope of the bounds
+    and covers its object."""
     shape = placed.shape
     if len(placed.places) == 1 and np.array_equal(placed.places[0], np.eye(4)):
         corners = shape.vertices[_find_faces_away(shape.vertices, shape.triangles, paths)].astype(np.float64)
@@ -81,7 +81,7 @@ def _list_tops(placed: Placed, paths: _Paths) -> Array:
 
 
 def _find_faces_away(vertices: Array, triangles: Array, paths: _Paths) -> Array:
-    """Those of the triangles (m, 3) that look away from the end of at least one path."""
+    """Find those triangles (m, 3) that look away from the end of at least one path."""
     first, second, third = (vertices[corner] for corner in triangles.T)
     normal = np.cross(second - first, third - first)
     toward = np.full(len(normal), np.inf, np.float32)
@@ -91,16 +91,17 @@ def _find_faces_away(vertices: Array, triangles: Array, paths: _Paths) -> Array:
 
 
 def _find_cells(points: Array) -> tuple[Array, Array]:
-    """The rings (n,) of points (n, 3), from 0, the disc, and their cells (n,): the ring times the number of azimuths,
-    plus the azimuth."""
+    """Find the rings (n,) and the cells (n,) of points (n, 3). Ring 0 is the disc. A cell is the ring times the number
+    of azimuths, plus the azimuth."""
     radius = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-9)
     rings = np.maximum(1.0 + np.floor(np.log(radius / _DISC_M) / _STEP), 0.0).astype(np.intp)
     azimuth = np.floor(np.arctan2(points[:, 1], points[:, 0]) / _STEP).astype(np.intp) % _AZIMUTHS
     return rings, rings * _AZIMUTHS + azimuth
 
 
-def _spread(highest: Array, steepness: float) -> Array:
-    """The envelope (rings, azimuths) of cones of a slope whose tips are as high as ``highest`` of their cells."""
+def _spread_cones(highest: Array, steepness: float) -> Array:
+    """Return the envelope (rings, azimuths) of cones of a slope whose tips are as high as ``highest`` of their
+    cells."""
     count = len(highest)
     inner = np.concatenate([[0.0], _DISC_M * np.exp(_STEP * np.arange(count))])
     fall_out = steepness / math.sqrt(2.0) * np.diff(inner)
@@ -122,7 +123,7 @@ def _spread(highest: Array, steepness: float) -> Array:
 
 
 def _spread_around(heights: Array, fall: float) -> Array:
-    """The largest of the heights (azimuths,) less ``fall`` for each step around."""
+    """Return, for each azimuth, the largest of the heights (azimuths,) less ``fall`` for each step around."""
     step = 1
     while step < _AZIMUTHS:
         both = np.maximum(np.roll(heights, step), np.roll(heights, -step))

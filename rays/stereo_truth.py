@@ -52,14 +52,15 @@ class Eye:
         return to_world(own, self.place(pixels)[0])
 
     def place(self, pixels: Array) -> tuple[Array, Array]:
-        """Axes and position of the eye while pixels (n,) are exposed: (3, 3) and (3,), or one for each pixel."""
+        """Return the axes (3, 3) and the position (3,) of the eye while pixels (n,) are exposed; with a rolling
+        shutter, one of each for every pixel."""
         if self.axes.ndim == 2:
             return self.axes, self.position
         row = pixels // self.columns
         return self.axes[row], self.position[row]
 
     def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
-        """Whether (n,) points, in metres along the camera's axes, are in the image's frame."""
+        """Return whether (n,) points, in metres along the camera's axes, are in the image's frame."""
         with np.errstate(divide="ignore", invalid="ignore"):
             column, row = self.cx_px + self.focal_px * right / ahead, self.cy_px + self.focal_px * down / ahead
             return np.asarray(
@@ -71,11 +72,11 @@ class Eye:
             )
 
     def measure(self, away: Array) -> Array:
-        """Planar depths (n,) of points ``away`` (n, 3) from the eye, in its axes."""
+        """Return the planar depths (n,) of points ``away`` (n, 3) from the eye, in its axes."""
         return np.asarray(away[:, 2])
 
     def to_own_depth(self, direction: Array, depth_m: Array) -> Array:
-        """Depths (n,) along the eye's own axis, which are the ``depth_m`` along the rig's."""
+        """Convert the depths (n,) along the rig's axis to depths along the eye's own axis; here they are the same."""
         return depth_m
 
 
@@ -100,28 +101,28 @@ class CalibratedEye:
         return self.own.height_px
 
     def directions(self, pixels: Array) -> Array:
-        """Rays (n, 3) of length 1 in the world through the centres of pixels (n,), counted along rows; NaN outside the
-        lens's field."""
+        """Return the rays (n, 3) of length 1 in the world through the centres of pixels (n,), counted along rows; NaN
+        outside the lens's field."""
         row, column = np.divmod(pixels, self.columns)
         return np.asarray(find_rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
     def place(self, pixels: Array) -> tuple[Array, Array]:
-        """Axes (3, 3) of the rig and position (3,) of the eye, which are the same for all pixels."""
+        """Return the axes (3, 3) of the rig and the position (3,) of the eye, which are the same for all pixels."""
         return self.axes, self.position
 
     def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
-        """Whether (n,) points, in metres along the rig's axes from the eye, are in the image's frame."""
+        """Return whether (n,) points, in metres along the rig's axes from the eye, are in the image's frame."""
         where = self.own.show(np.stack([right, down, ahead], axis=-1) @ self.own.rotation.T)
         beyond = np.array(self.own.size_px) - 0.5
         with np.errstate(invalid="ignore"):
             return np.asarray(((where >= -0.5) & (where <= beyond)).all(axis=-1))
 
     def measure(self, away: Array) -> Array:
-        """Distances (n,) of points ``away`` (n, 3) from the eye."""
+        """Return the distances (n,) of points ``away`` (n, 3) from the eye."""
         return np.asarray(np.linalg.norm(away, axis=-1))
 
     def to_own_depth(self, direction: Array, distance_m: Array) -> Array:
-        """Depths along the eye's own axis from distances, both (n,), along rays (n, 3); NaN for rays that lead 90
+        """Convert distances (n,) along rays (n, 3) to depths (n,) along the eye's own axis; NaN for rays that lead 90
         degrees or more away from it."""
         ahead = direction @ (self.axes @ self.own.rotation[2])
         with np.errstate(invalid="ignore"):
@@ -136,12 +137,12 @@ AnyEye = Eye | CalibratedEye
 
 
 def to_world(own: Array, axes: Array) -> Array:
-    """Vectors (n, 3) in an eye's axes, in the world. ``axes`` (3, 3) or (n, 3, 3) are columns in the world."""
+    """Rotate vectors (n, 3) from an eye's axes to the world. ``axes`` (3, 3) or (n, 3, 3) are columns in the world."""
     return np.asarray(own @ axes.T if axes.ndim == 2 else np.einsum("nij,nj->ni", axes, own))
 
 
 def to_eye(away: Array, axes: Array) -> Array:
-    """Vectors (n, 3) in the world, in an eye's axes; see ``to_world``."""
+    """Rotate vectors (n, 3) from the world to an eye's axes; see ``to_world``."""
     return np.asarray((axes.T @ away.T).T if axes.ndim == 2 else np.einsum("nij,ni->nj", axes, away))
 
 
@@ -174,8 +175,8 @@ class Stage:
 def trace_eyes(
     stage: Stage, eyes: Mapping[str, AnyEye], baseline_m: float, near_m: float, far_m: float
 ) -> dict[str, EyeTruth]:
-    """The truth of two eyes ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m`` or farther
-    than ``far_m``."""
+    """Trace the truth of two eyes, by their names, that are ``baseline_m`` apart. They see nothing nearer than
+    ``near_m`` or farther than ``far_m``."""
     left, right = eyes
     return {
         eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
@@ -217,8 +218,8 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
 
 
 def list_squares(rows: int, columns: int) -> Iterator[Array]:
-    """Groups of pixels, counted along rows: square by square, so that consecutive rays hit nearby places. Some pixels
-    occur twice at the borders."""
+    """Yield groups of pixels, counted along rows: square by square, so that consecutive rays hit nearby places. Some
+    pixels occur twice at the borders."""
     step = max(_TILE_SIDE_PX, _PIXELS_AT_ONCE // max(1, columns) // _TILE_SIDE_PX * _TILE_SIDE_PX)
     for first in range(0, rows, step):
         part = np.arange(first * columns, min(rows, first + step) * columns).reshape(-1, columns)
@@ -227,7 +228,8 @@ def list_squares(rows: int, columns: int) -> Iterator[Array]:
 
 
 def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
-    """The first surface that rays (n, 3) from ``origin``, (3,) or (n, 3), hit: the ground, else the sky."""
+    """Find the first surface, of the ground or else of the sky, that rays (n, 3) from ``origin``, (3,) or (n, 3),
+    hit."""
     seen = find_surface(
         stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction
     )
@@ -254,9 +256,10 @@ def find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Return whether a surface hides each point from the other eye, nearer by at least ``MIN_GAP_PX`` of
-    disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter the other eye sees the point in the
-    same row."""
+    """Return whether (n,) a surface hides each point from the other eye, nearer by at least ``MIN_GAP_PX`` of
+    disparity. Points are ``along_m`` (n,) along the rays. With a rolling shutter, the other eye sees the point in the
+    same row.
+    """
     hidden = np.zeros(len(along_m), bool)
     axes, position = other.place(pixels)
     away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.place(pixels)[1] - position)

@@ -15,8 +15,8 @@ _LIFT = 1e-4
 
 
 def measure_sunlit_shares(world: World, tracer: Tracer, eye: Eye, suns: Array, near_m: float) -> Array:
-    """For each of ``suns`` (k, 3), unit vectors toward the Sun, the share (k,) of the pixels with ground that are lit:
-    the ground there faces the Sun, and nothing is in between. NaN if no pixel shows ground."""
+    """Measure, for each of ``suns`` (k, 3), unit vectors toward the Sun, the share (k,) of the pixels with ground that
+    are lit. Lit ground faces the Sun, with nothing in between. NaN if no pixel shows ground."""
     direction = eye.directions(np.arange(eye.rows * eye.columns))
     seen = find_surface(world, tracer.intersect(eye.position, direction, near_m, np.inf), eye.position, direction)
     met = np.isfinite(seen.along)

@@ -28,10 +28,11 @@ class Tracer(Protocol):
     name: str
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
-        """First hits of rays (n, 3) from ``origin``, (3,) or (n, 3), at ``near`` to ``far`` times their direction."""
+        """Find the first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), at ``near`` to ``far`` times their
+        direction."""
 
     def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
-        """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
+        """Return whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
 
     def place(self, world: World) -> None:
         """Move the shapes to their places in another world with the same shapes."""
@@ -55,8 +56,8 @@ class Surface:
 
 
 def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> Surface:
-    """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met. Distances are computed again in double
-    precision from the planes of the triangles; Embree's are right to 2.4e-7."""
+    """Find the surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met. Distances are computed again in
+    double precision from the planes of the triangles, because Embree's distances are right only to 2.4e-7."""
     count = len(direction)
     found = Surface(
         np.full(count, np.inf),
@@ -84,8 +85,8 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
 
 
 def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
-    """The shading normals (n, 3) at the hits of rays, on the side of ``surface.normal``, without
-    the bump of materials."""
+    """Find the shading normals (n, 3) at the hits of rays, on the side of ``surface.normal``, without the bump of
+    materials."""
     found = surface.normal.copy()
     for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape
@@ -102,13 +103,13 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
 
 
 def _interpolate(values: Array, corners: Array, hits: Hits, rays: Array) -> Array:
-    """Values (k, …) where rays meet triangles, interpolated between the corners (k, 3)."""
+    """Interpolate ``values`` (n, …) of the corners (k, 3) of triangles to the places (k, …) where rays meet them."""
     u, v = (each[rays].reshape(-1, *[1] * (values.ndim - 1)) for each in (hits.u, hits.v))
     return np.asarray((1 - u - v) * values[corners[:, 0]] + u * values[corners[:, 1]] + v * values[corners[:, 2]])
 
 
 def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
-    """The index of each shape that is hit, and the rays that hit it."""
+    """Yield the index of each shape that is hit, and the rays that hit it."""
     rays = np.flatnonzero(hits.met)
     if not len(rays):
         return
@@ -119,9 +120,8 @@ def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
 
 
 def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Array, near: float, far: float) -> Hits:
-    """The first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), on surfaces that transmit at most half of the
-    light; see ``Tracer.intersect``.
-    """
+    """Find the first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), on surfaces that transmit at most half of the
+    light; see ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits
@@ -142,7 +142,7 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
 
 
 def _lets_pass(world: World, hits: Hits) -> Array:
-    """Whether rays (n,) hit a surface that transmits them."""
+    """Return whether rays (n,) hit a surface that transmits them."""
     found = np.zeros(len(hits.place), bool)
     for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape

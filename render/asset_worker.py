@@ -32,6 +32,7 @@ def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] =
 
 
 def main(arguments: list[str]) -> int:
-    """Make the library in the folder that is the first argument, and end the process (``run_to_exit``)."""
+    """Make the library, and end the process (``run_to_exit``). Arguments: the folder of the library and, if not all are
+    wanted, the names of the assets."""
     folder, *names = arguments
     run_to_exit(lambda: make_library(Path(folder), names or list_asset_names()), lambda: _NO_MEMORY_MESSAGE)

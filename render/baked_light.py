@@ -1,10 +1,11 @@
-"""Indirect light baked to the vertices of the ground, once for all images of a ground under one sky.
+"""Bakes indirect light to the vertices of the ground, once for all images of a ground under one sky.
 
 Light that Lambert ground gets from other ground is the same from all directions of view. Cycles bakes this light to
 texels within the facets, and the vertices get the mean of their texels (``baked_texels``). Images then need direct
 light only: fewer samples, and no denoiser. During the bake, ground is smooth between its vertices, since a sample would
-meet one point of the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their
-own. With ``quality.bake_area`` VIEW only the facets that the cameras may see, and the facets around them, get texels.
+meet one point of the relief. Light of the Sun and light of the planet are baked separately, since each has its own
+light group. With ``quality.bake_area`` VIEW only the facets that the cameras may see, and the facets around them, get
+texels.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ _FIRST_HALF_SAMPLES = 8
 #: Height above the ground, m, of the eye for which the share of indirect light is measured: the height of a mast.
 _EYE_HEIGHT_M = 1.5
 #: Factor by which the bake stays below quality.bake_noise, over all light in the direction with most indirect light.
-#: Images show other parts of the ground, and an image above the limit is traced in the end, which costs more than some
-#: more samples.
+#: Images show other parts of the ground, and an image above the limit must be traced in the end, which costs more than
+#: additional samples.
 _NOISE_MARGIN = 1.1
 #: Samples of the direct light. A few are enough, because only the mean over the ground is needed.
 _DIRECT_LIGHT_SAMPLES = 2
@@ -63,16 +64,16 @@ _OPEN_SKY_SAMPLES = 8
 #: Most samples of each of the three texels of a rock's point.
 _MAX_ROCK_SAMPLES = 16
 _LIGHT_OF_NO_ROCKS = np.zeros((0, TERM_COUNT, 3), np.float32)
-#: By light group: parts of names and seeds that tell its bakes from the Sun's.
+#: By light group: parts of names and seeds that distinguish its bakes from the Sun's bakes.
 _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 
 @dataclass(frozen=True)
 class IndirectLight:
-    """How the indirect light of a pair is computed: baked ``lights`` by light group, or traced if ``lights`` is empty.
+    """The method for the indirect light of a pair: baked ``lights`` by light group, or tracing if ``lights`` is empty.
 
-    ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is baked light that proved unfit for an
-    image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
+    ``why_traced`` is the reason for tracing if the settings ask for baked light. ``tried`` is baked light that proved
+    unfit for an image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
     """
 
     lights: Mapping[str, StoredLight] = field(default_factory=dict)
@@ -81,9 +82,8 @@ class IndirectLight:
     spent_s: float = 0.0
 
     def to_json(self, shares: Mapping[str, Mapping[str, float]], noise_of_image: float | None) -> dict[str, Any] | None:
-        """The entry of ``pair.json``: the shares of baked light in the images by eye and light group, and the noise of
-        baked light over all light in the left image. None if the settings ask for traced light.
-        """
+        """Return the entry of ``pair.json``. It has the shares of baked light in the images by eye and light group, and
+        the noise of baked light over all light in the left image. None if the settings ask for traced light."""
         if not self.lights:
             tried = {group: {"file": kept.file, "sha256": kept.sha256} for group, kept in self.tried.items()}
             stated = {"method": "TRACED", "why": self.why_traced, **({"tried": tried} if tried else {})}
@@ -103,8 +103,8 @@ class IndirectLight:
         """Find the reason, as a clause, why an image must be ray traced, from the ``stated`` entry of ``to_json``;
         empty if baked light is good enough.
 
-        The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
-        make matching easier than it is. A ``limit`` of 0 means no limit.
+        The noise of baked light is fixed to the ground, so it looks like texture. Where much light is indirect, it
+        would make matching easier than it is. A ``limit`` of 0 means no limit.
         """
         if not self.lights or stated is None:
             return ""
@@ -125,9 +125,9 @@ class IndirectLight:
 def provide_baked_light(
     built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight
 ) -> IndirectLight:
-    """Put the baked light of a planned pair on the built ground, from the data set if it has it.
+    """Put the baked light of a planned pair on the built ground; the data set may have it already.
 
-    One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
+    Otherwise one process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
     """
     settings = planned.settings
     if settings.quality.indirect != "BAKED":
@@ -158,7 +158,7 @@ def provide_baked_light(
 
 
 def _find_light_groups(built: Built) -> dict[str, list[bpy.types.Object]]:
-    """The light groups that light the ground, each with the lamps of the other groups."""
+    """Find the light groups that light the ground, each with the lamps of the other groups."""
     shine = built.planetshine
     if shine is None:
         return {"Sun": []}
@@ -175,7 +175,7 @@ def _find_or_bake(
     dark: list[bpy.types.Object],
     seen: Array | None,
 ) -> tuple[StoredLight, float]:
-    """A light group's baked light, and the processor seconds that this call took."""
+    """Find or bake the light of a light group. Return it, and the processor seconds that this call took."""
     rocks = built.rocks
     return shared.get(
         make_bake_key(built, settings, group, seen),
@@ -186,7 +186,7 @@ def _find_or_bake(
 
 
 def _find_why_unsuitable(built: Built) -> str:
-    """The reason why the built scene cannot use baked light, as a clause; empty if it can."""
+    """Find the reason, as a clause, why the built scene cannot use baked light; empty if it can."""
     if find_added_objects(built.collection):
         return "objects without baked light were added to the scene"
     if built.edited_parts("terrain object", "terrain materials"):
@@ -201,7 +201,7 @@ def _find_why_unsuitable(built: Built) -> str:
 
 
 def find_visible_facets(built: Built, planned: PlannedPair) -> Array:
-    """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
+    """Find the facets of the ground that the cameras of a pair may see, as bool (facets,)."""
     mesh, camera = built.terrain.data, built.camera
     with turn_about_eye(camera, planned.turn_deg):
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
@@ -211,7 +211,7 @@ def find_visible_facets(built: Built, planned: PlannedPair) -> Array:
 
 
 def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
-    """Which vertices are corners of some facets, bool (vertices,)."""
+    """Find the vertices that are corners of some facets, as bool (vertices,)."""
     _, counts, corners, _ = texel_bakes.read_facets(mesh)
     found = np.zeros(len(mesh.vertices), bool)
     found[corners[np.repeat(facets, counts)]] = True
@@ -219,8 +219,9 @@ def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
 
 
 def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
-    """The key of baked light, 12 hexadecimal digits of all that the light depends on: ground, surface, lights, bounces,
-    seed and samples, the light group, and the facets that are ``seen`` if only some are baked.
+    """Make the key of baked light: 12 hexadecimal digits of everything that the light depends on. These are ground,
+    surface, lights, bounces, seed and samples, the light group, and the facets that are ``seen`` if only some are
+    baked.
 
     The mesh of a graded ground is made for the rig, so there the rig counts too; otherwise heading, rig and sensor do
     not.
@@ -251,7 +252,8 @@ def _bake_halves(
     triangles: Array,
     eye: Array,
 ) -> tuple[Array, list[Array], int]:
-    """Direct light, two halves of the indirect light with different seeds, and the number of samples of each half.
+    """Bake the direct light, and two halves of the indirect light with different seeds. Return them, and the number of
+    samples of each half.
 
     ``run`` bakes each: a few samples at first, then as many more as the noise limit requires.
     """
@@ -283,9 +285,9 @@ def bake_indirect_light(
     ``dark``; see ``BakedLight``.
 
     Only vertices of facets that are ``seen`` (facets,) get light; other vertices have 0. Light is baked in two halves
-    with different seeds, whose difference is the noise: first with few samples, then with as many more as the noise
-    requires. Half of that difference has the same variance as the error of their mean, between vertices too. Raises
-    IcyMoonError if Cycles cannot bake.
+    with different seeds, whose difference is the noise. Each half has few samples at first, then as many more as the
+    noise limit requires. Half of the difference has the same variance as the error of their mean, between vertices too.
+    Raises IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality
@@ -338,7 +340,7 @@ def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def _find_covered_texels(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
-    """Which texels (n,) of the ground are inside rocks, where no ray escapes."""
+    """Find the texels of the ground inside rocks, where no ray escapes, as bool (n,)."""
     return bake_texels("AO", _OPEN_SKY_SAMPLES, seed)[:, :3].max(axis=1) <= 0
 
 
@@ -369,12 +371,12 @@ def _bake_rocks(
 def _open_bake(
     item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: Array
 ) -> Iterator[tuple[baked_texels.Texels, Callable[[str, int, int], Array]]]:
-    """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
-    bakes light over pi to them (n, 4), while the object has no fine relief."""
+    """Yield the texels of an object around the vertices that are to be ``lit``, and a function that bakes to them while
+    the object has no fine relief. The function takes kind, samples and seed, and returns light over pi (n, 4)."""
     mesh = item.data
     found = texel_bakes.lay_out_mesh_texels(mesh, lit)
     with ExitStack() as undo:
-        image = texel_bakes.add_target(mesh, found, undo)
+        image = texel_bakes.add_target_image(mesh, found, undo)
         for material in mesh.materials:
             _remove_relief_from_normals(material.node_tree, undo)
             texel_bakes.direct_bake_to_image(material.node_tree, image, undo)
@@ -390,7 +392,7 @@ def _open_bake(
 
 
 def _find_rendered_triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
-    """Vertices (n, 3) of the triangles into which Cycles divides a mesh, or its facets that are ``seen``."""
+    """Find the vertices (n, 3) of the triangles into which Cycles divides a mesh, or its facets that are ``seen``."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 

@@ -1,4 +1,4 @@
-"""Indirect light baked to points of rocks, for the few terms per rock that ``physics.light.baked_rocks`` fits to it.
+"""Bakes indirect light to points of rocks, for the few terms per rock that ``physics.light.baked_rocks`` fits to it.
 
 A small triangle stands just above each point. No ray sees the triangle, so the light stays as it is.
 """
@@ -27,7 +27,7 @@ _POINT_OBJECT_NAME = "Icy Moon Baked Rocks"
 
 
 def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoints:
-    """Random points on all rocks of a built object of rocks; large rocks get most points."""
+    """Draw random points on all rocks of a built object of rocks; large rocks get most points."""
     mesh = rocks.data
     count = len(mesh.vertices)
     shape = _read_attribute(mesh, SHAPE, np.int32, 1)[:, 0]
@@ -55,7 +55,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
 
 
 def are_above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
-    """Which points (n,) are above the ground, or beside its edge."""
+    """Find the points that are above the ground, or beside its edge, as bool (n,)."""
     middle = points.corners.mean(axis=1)
     with probe_heights(terrain) as heights:
         return ~(middle[:, 2] < heights(middle[:, 0], middle[:, 1]))
@@ -63,7 +63,8 @@ def are_above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
 
 @contextmanager
 def add_point_object(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """An object of the points' triangles in a scene, white and invisible to rays."""
+    """Add an object of the points' triangles to a scene, white and invisible to rays, for the duration of the
+    context."""
     corners = points.corners.reshape(-1, 3)
     mesh = build_mesh_from_arrays(_POINT_OBJECT_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
     mesh.polygons.foreach_set("use_smooth", np.zeros(len(points.rock), bool))
@@ -102,12 +103,12 @@ def write_rock_light(rocks: bpy.types.Object, group: str, numbers: Array) -> Non
 
 
 def _read_attribute(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> Array:
-    """An attribute of a mesh's points, (n, width)."""
+    """Read an attribute (n, width) of a mesh's points."""
     found: Array = np.empty(len(mesh.vertices) * width, kind)
     mesh.attributes[name].data.foreach_get("vector" if width == 3 else "value", found)
     return found.reshape(-1, width)
 
 
 def _read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
-    """Vertices (n, 3) and triangles (m, 3) of a mesh."""
+    """Read the vertices (n, 3) and triangles (m, 3) of a mesh."""
     return read_vertices(mesh).astype(np.float64), read_corners(mesh).reshape(-1, 3)

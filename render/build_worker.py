@@ -2,7 +2,7 @@
 
     __main__.py build JOB.json SCENE.blend
 
-The job is a job of ``worker``, of which the settings count.
+The job has the form of a job of ``worker``; only its settings count.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def write_scene(job: dict[str, Any], path: Path, send: Callable[..., None] = emi
 
 
 def main(arguments: list[str]) -> int:
-    """Build the scene of the job that is the first argument, write it to the second, and end the process
-    (``run_to_exit``)."""
+    """Build the scene of a job, write it to a .blend file, and end the process (``run_to_exit``). Arguments: the job's
+    file and the .blend file."""
     job: dict[str, Any] = {}
 
     def run() -> None:

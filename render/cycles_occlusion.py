@@ -1,4 +1,4 @@
-"""Pixels of an eye whose point is hidden from the other eye, found by rays from the other eye."""
+"""Finds the pixels of an eye whose point is hidden from the other eye, by rays from the other eye."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..support.arrays import Array
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
-#: Offsets from a pixel's centre to the rays between it and the next pixel. ``python benchmarks occlusion`` measures how
-#: many more pixels further rays find.
+#: Offsets from a pixel's centre to the rays between it and the next pixel. ``python benchmarks occlusion`` measures the
+#: number of pixels that more rays would find.
 STEPS_PX = (0.25, 0.5, 0.75)
 
 
@@ -37,12 +37,13 @@ def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Ar
 
 
 def read_disparity(data: bytes, camera: StereoCamera) -> Array:
-    """Disparity (H, W), px, from the depth in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
+    """Read the disparity (H, W), px, from the depth in an EXR file; NaN for sky. Raises the errors of
+    ``add_hidden_pass``."""
     return camera.disparity(read_depth(data))
 
 
 def read_depth(data: bytes) -> Array:
-    """Depth (H, W), m, in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
+    """Read the depth (H, W), m, in an EXR file; NaN for sky. Raises the errors of ``add_hidden_pass``."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):

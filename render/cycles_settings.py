@@ -12,7 +12,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from .cost.blender_abilities import Abilities, describe_lack, describe_lack_for_quality
+from .cost.blender_abilities import Abilities, describe_lack, explain_unavailable_quality
 from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2
@@ -57,20 +57,19 @@ _RENDER_SETTINGS: dict[str, Any] = {
 
 
 def detect_abilities(quality: QualitySettings) -> Abilities:
-    """Abilities of this Blender. Graphics cards are looked for only if the quality asks for them, because the search
-    selects them.
-    """
+    """Detect the abilities of this Blender. Graphics cards are looked for only if the quality asks for them, because
+    the search selects them."""
     return Abilities(compat.has_osl(), compat.has_oidn(), quality.device != "GPU" or bool(select_cards()))
 
 
 def find_missing_feature(settings: Settings) -> str:
-    """The feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
+    """Find a feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
     return describe_lack(settings, detect_abilities(settings.quality))
 
 
 def check_possible(quality: QualitySettings) -> None:
     """Raise IcyMoonError if this Blender cannot render at this quality."""
-    if lack := describe_lack_for_quality(quality, detect_abilities(quality)):
+    if lack := explain_unavailable_quality(quality, detect_abilities(quality)):
         raise IcyMoonError(lack)
 
 

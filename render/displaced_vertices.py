@@ -44,13 +44,14 @@ _SOLVED_FACETS = 250_000
 #: Smallest determinant of the corner weights at texels from which shifts are solved. It is 0.25 for triangles and above
 #: 0.1 for quadrilaterals; only facets too narrow for single precision have less.
 _MIN_DETERMINANT = 0.05
-#: Weight of a narrow facet beside the other facets around a vertex, so it counts only alone.
+#: Weight of a narrow facet beside the other facets around a vertex. It is so small that the facet counts only if it is
+#: alone.
 _NARROW_FACET_WEIGHT = 1e-6
 _TEMPORARY_NAME = "Icy Moon Moved"
 
 
 def is_moved(mesh: bpy.types.Mesh) -> bool:
-    """Whether a material of a mesh displaces its vertices in renders."""
+    """Return whether a material of a mesh displaces its vertices in renders."""
     return any(
         material is not None
         and material.displacement_method != "BUMP"
@@ -87,8 +88,9 @@ def open_rendered_mesh(
 def displace_corners(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> tuple[Array, Array]:
-    """Displaced positions (n, 3) float32, in the coordinates of a mesh, and the index of the position for each corner
-    of a facet (k,). For the arguments see ``open_rendered_mesh``.
+    """Displace the corners of a mesh's facets as Cycles does. Return the displaced positions (n, 3) float32, in the
+    coordinates of the mesh, and the index of the position for each corner (k,). For the arguments see
+    ``open_rendered_mesh``.
     """
     groups, vertex, normals = _group_corners(mesh)
     vertices = read_vertices(mesh)
@@ -100,9 +102,8 @@ def displace_corners(
 
 
 def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: float) -> Array | None:
-    """Displacement heights (n,) in metres of the vertices (n, 3) of a mesh by its material; None if geometry nodes
-    cannot compute them.
-    """
+    """Find the displacement heights (n,) in metres of the vertices (n, 3) of a mesh by its material; None if geometry
+    nodes cannot compute them."""
     if len(mesh.materials) != 1:
         return None
     displacement = mesh.materials[0].node_tree.get_output_node("CYCLES").inputs["Displacement"].links[0].from_node
@@ -132,8 +133,8 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: 
 
 
 def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
-    """Groups of corners that move together: the group of each corner, and for each group its vertex and the normal (3,)
-    along which it moves.
+    """Group the corners that move together. Return the group of each corner, and for each group its vertex and the
+    normal (3,) along which it moves.
 
     A group is usually a vertex. Where edges are sharp or the mesh has custom normals, Cycles makes a vertex for each
     normal, and moves these apart.
@@ -158,7 +159,7 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
 
 
 def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, threads: int) -> Array:
-    """Shifts (many, 3), m, in the world, of ``many`` ``groups`` of corners that move together."""
+    """Find the shifts (many, 3), m, in the world, of ``many`` ``groups`` of corners that move together."""
     starts, counts, corners, areas = texel_bakes.read_facets(mesh)
     at_rest = read_vertices(mesh) @ place[:3, :3].T + place[:3, 3]
     diagonals = _find_diagonals(mesh, starts)
@@ -190,7 +191,8 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
 
 
 def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
-    """Return which facets of four corners are rendered as triangles 0 1 3 and 1 2 3, instead of 0 1 2 and 0 2 3."""
+    """Find the facets of four corners that are rendered as triangles 0 1 3 and 1 2 3, instead of 0 1 2 and 0 2 3, as
+    bool."""
     loops, facets = read_triangles(mesh)
     first = np.zeros(len(starts), np.int64)
     first[facets[::-1]] = np.arange(len(facets))[::-1]
@@ -198,8 +200,8 @@ def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
 
 
 def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array) -> tuple[Array, Array]:
-    """Shifts (n, k, 3) of the ``corners`` (n, k, 3) of facets with k = 3 or 4 corners, and whether (n,) they are
-    determined.
+    """Solve for the shifts (n, k, 3) of the ``corners`` (n, k, 3) of facets with k = 3 or 4 corners. Return them, and
+    whether (n,) they are determined.
 
     They are solved from points on the facets: ``rest`` (n, k, 3) before the movement, and their ``shift`` (n, k, 3).
     ``across`` (n,) tells whether a facet of four corners has its diagonal from the second corner to the last.
@@ -222,7 +224,8 @@ def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array
 
 
 def _barycentric(triangles: Array, points: Array) -> Array:
-    """Barycentric coordinates (n, k, 3) of points (n, k, 3) near triangles (n, 3, 3); 0 for triangles without area."""
+    """Compute the barycentric coordinates (n, k, 3) of points (n, k, 3) near triangles (n, 3, 3); 0 for triangles
+    without area."""
     sides = triangles[:, 1:] - triangles[:, :1]
     products = sides @ sides.swapaxes(1, 2)
     along = (points - triangles[:, :1]) @ sides.swapaxes(1, 2)
@@ -236,7 +239,7 @@ def _barycentric(triangles: Array, points: Array) -> Array:
 def _bake_positions(
     mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, threads: int
 ) -> tuple[Array, Array]:
-    """Positions (n, 4) at texels in the world, of a mesh at rest and of the moved mesh."""
+    """Bake the positions (n, 4) in the world at texels, of a mesh at rest and of the moved mesh."""
     baked = []
     with ExitStack() as undo:
         scene = bpy.data.scenes.new(_TEMPORARY_NAME)
@@ -250,7 +253,7 @@ def _bake_positions(
         scene.render.threads_mode = "FIXED" if threads else "AUTO"
         if threads:
             scene.render.threads = threads
-        image = texel_bakes.add_target(mesh, found, undo)
+        image = texel_bakes.add_target_image(mesh, found, undo)
         materials = [material for material in mesh.materials if material is not None]
         for material in materials:
             texel_bakes.direct_bake_to_image(material.node_tree, image, undo)

@@ -35,7 +35,7 @@ from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC_NAMES, SKY_TAGS
 from ..support.printer import emit
 from .displaced_vertices import is_moved, open_rendered_mesh
-from .ground_files import make_frame_facts, refuse_too_many_pairs, write_map, write_meshes
+from .ground_files import make_frame_facts, refuse_too_many_triangles, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import (
     is_rendered,
@@ -58,7 +58,7 @@ _NO_MEMORY_MESSAGE = (
 
 
 def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
-    """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
+    """Read the positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
     Triangles share a vertex where the surface is smooth. Elsewhere each corner of a triangle has its own vertex.
     """
@@ -88,7 +88,7 @@ class _FoundMesh:
 
 
 def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """Evaluated objects of the site that have a mesh and are shown by renders."""
+    """Yield the evaluated objects of the site that have a mesh and are shown by renders, with their instances."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
         if (
@@ -133,7 +133,7 @@ def write_geometry(
 
 
 def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
-    """Number of rendered triangles, of distinct meshes (``shapes``) and of their ``instances``."""
+    """Count the rendered triangles, the distinct meshes (``shapes``) and their ``instances``."""
     return {
         "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
         "shapes": len(meshes),
@@ -142,7 +142,7 @@ def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
 
 
 def _list_mesh_omissions(settings: Settings) -> list[str]:
-    """The rendered details that meshes lack, one sentence each."""
+    """List the rendered details that meshes lack, one sentence each."""
     if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
         return [
             "surface.grain_amplitude_m: relief that is shading only, where the mesh is coarser than the relief; "
@@ -152,7 +152,7 @@ def _list_mesh_omissions(settings: Settings) -> list[str]:
 
 
 def _list_map_omissions(settings: Settings) -> list[str]:
-    """The rendered details that maps lack, one sentence each."""
+    """List the rendered details that maps lack, one sentence each."""
     found = _list_mesh_omissions(settings)
     if settings.rocks.coverage > 0 and any(
         principled.lets_light_through(settings[topic]) for topic in surface_topics(settings)
@@ -162,9 +162,8 @@ def _list_map_omissions(settings: Settings) -> list[str]:
 
 
 def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
-    """The meshes that ``scene`` renders, with their instances. Raises IcyMoonError without a mesh, and for more
-    triangles than a file of this suffix can hold.
-    """
+    """Collect the meshes that ``scene`` renders, with their instances. Raises IcyMoonError without a mesh, and for more
+    triangles than a file of this suffix can hold."""
     scene.view_layers[0].update()
     counted: dict[str, _FoundMesh] = {}
     for item, found in _list_instances(scene):
@@ -180,7 +179,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
         counted[mesh.name_full].places.append(np.array(found.matrix_world, np.float64))
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
-    refuse_too_many_pairs([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
+    refuse_too_many_triangles([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
     # Moved vertices need another evaluated scene, which frees the objects evaluated here. So the places come first.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}
@@ -201,7 +200,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
 
 @contextmanager
 def _open_pair_folder(folder: Path) -> Iterator[Path]:
-    """The folder of a pair; an empty folder is removed at the end."""
+    """Make the folder of a pair, and remove it at the end if it is empty."""
     with explain_disk_errors("write to", folder):
         folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -10,7 +10,7 @@ from .workers.assign_cards import BACKENDS, Cards, choose_card_numbers, read_cho
 
 
 def select_cards() -> list[str]:
-    """Index and name of each graphics card that Cycles is to render on, such as "0: Name".
+    """Select the graphics cards that Cycles is to render on, and return the index and name of each, such as "0: Name".
 
     The cards are the ones that ``read_chosen_cards`` names, or all. They and their backend are selected in the
     preferences of this session only. Raises IcyMoonError if a chosen card is missing.
@@ -35,7 +35,7 @@ def select_cards() -> list[str]:
 
 
 def list_selected_cards() -> list[str]:
-    """Names of the graphics cards that ``select_cards`` has selected in this session."""
+    """List the names of the graphics cards that ``select_cards`` has selected in this session."""
     add_on = bpy.context.preferences.addons.get("cycles")
     if add_on is None:
         return []
@@ -53,9 +53,8 @@ def _list_cards(cycles: bpy.types.AddonPreferences, backend: str) -> list[Any]:
 
 
 def find_selected_cards() -> Cards:
-    """The graphics cards that the user has ticked in the preferences of Blender; empty for no card and for all
-    cards.
-    """
+    """Find the graphics cards that the user has ticked in the preferences of Blender; empty for no card and for all
+    cards."""
     add_on = bpy.context.preferences.addons.get("cycles")
     backend = getattr(add_on.preferences, "compute_device_type", "NONE") if add_on else "NONE"
     if add_on is None or backend not in BACKENDS:

@@ -45,9 +45,8 @@ def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) 
 
 
 def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
-    """Facts on the site's frame, for a file beside the ground's files. ``ground`` is the report of the ground, with its
-    place on a map.
-    """
+    """Make the facts on the site's frame, for a file beside the ground's files. ``ground`` is the report of the ground,
+    with its place on a map."""
     place = describe_map_place(ground)
     zero = (
         f"the height {place['height_zero_m']!r} m of the ground's file"
@@ -64,7 +63,7 @@ def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str,
 
 
 def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Write the files of ``MAPS`` as float32 GeoTIFF, NaN where there is no ground, and return facts on them.
+    """Write the files of ``MAPS`` as float32 GeoTIFF, with NaN beyond the ground, and return facts on them.
 
     The TIFF tag ``map`` is the map position from ``ground``, as JSON.
     """
@@ -112,10 +111,10 @@ def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, 
     return [name]
 
 
-def refuse_too_many_pairs(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
+def refuse_too_many_triangles(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
     """Raise IcyMoonError if a file without instances would have too many triangles.
 
-    ``counts`` are places, vertices and triangles of each mesh.
+    ``counts`` are the numbers of places, vertices and triangles of each mesh.
     """
     if suffix not in _BYTES_WITHOUT_INSTANCES:
         return

@@ -1,4 +1,4 @@
-"""Maps of a built scene from straight above, as Cycles renders it: heights and albedo on square cells, north up.
+"""Maps a built scene from straight above, as Cycles renders it: heights and albedo on square cells, north up.
 
 An orthographic camera looks down and takes one sample at the centre of each cell. So heights include rocks and relief
 that moves vertices, and nothing is blended at edges.
@@ -60,8 +60,7 @@ class GroundMap:
 
 
 def find_extent(built: Built, cell_m: float | None) -> Extent:
-    """The cells that cover a ground: its patch, or the bounding box of a ground from a file that has no
-    surroundings.
+    """Find the cells that cover a ground: its patch, or the bounding box of a ground from a file without surroundings.
 
     Raises IcyMoonError for more than ``MAX_CELLS`` cells along a side.
     """
@@ -86,7 +85,8 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
 
 
 def make_heights(rays: SceneRays, extent: Extent) -> Array:
-    """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
+    """Make the heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in metres of the
+    site's frame.
 
     The height of a cell is the median at 3 x 3 points in it, as matchers' points are gridded by medians too. Other
     objects, such as a lander, do not count.
@@ -105,7 +105,8 @@ def make_heights(rays: SceneRays, extent: Extent) -> Array:
 
 
 def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
-    """Heights (rows, columns) of the highest surface of a world at the centres of cells, NaN without a surface."""
+    """Find the heights (rows, columns) of the highest surface of a world at the centres of cells; NaN without a
+    surface."""
     top_m = world.highest_m() + _CAMERA_CLEARANCE_M
     heights = np.full(extent.rows * extent.columns, np.nan)
     for cells in list_squares(extent.rows, extent.columns):
@@ -125,7 +126,8 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
 
 
 def _median_by_cell(height_m: Array) -> Array:
-    """The medians of squares of ``PLACES_PER_SIDE`` rows and columns, NaN where one of the heights is unknown."""
+    """Compute the medians of squares of ``PLACES_PER_SIDE`` rows and columns; NaN where one of the heights is
+    unknown."""
     rows, columns = (count // PLACES_PER_SIDE for count in height_m.shape)
     squares = height_m.reshape(rows, PLACES_PER_SIDE, columns, PLACES_PER_SIDE).swapaxes(1, 2)
     return np.asarray(np.median(squares.reshape(rows, columns, -1), axis=2))
@@ -145,7 +147,7 @@ def _hide_from_renders(items: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: float | None = None) -> GroundMap:
-    """The map of a built scene that ``scene`` renders, without its lander. Temporary images are in ``folder``.
+    """Make the map of a built scene that ``scene`` renders, without its lander. Temporary images are in ``folder``.
 
     Raises IcyMoonError for cells that are too small, and if Cycles fails.
     """
@@ -162,8 +164,8 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
 
 
 def make_materials(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> Array:
-    """The materials on top of the cells, float32 (4, rows, columns): albedo in even light in the bands R, G, B, and
-    share of salt, at the centres of cells. NaN where there is neither ground nor rock.
+    """Make a map of the materials on top of the cells, float32 (4, rows, columns), at the centres of cells: albedo in
+    even light in the bands R, G, B, and share of salt. NaN where there is neither ground nor rock.
 
     A temporary image is in ``folder``. Raises IcyMoonError if Cycles fails.
     """
@@ -195,7 +197,7 @@ def _open_view_from_above(
 
 
 def _mask_other_objects(channels: dict[str, Array], values: Array, top_m: float) -> Array:
-    """float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks, NaN elsewhere."""
+    """Return the float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks; NaN elsewhere."""
     label = np.rint(_find_pass_channels(channels, "Material Index", "IndexMA")[0])
     ours = np.isin(label, (TERRAIN, ROCK)) & np.isfinite(_depth_to_heights(channels, top_m))
     return np.where(ours[..., None], values, np.nan).astype(np.float32)
@@ -212,7 +214,7 @@ def _disable_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
 
 
 def _find_top_m(scene: bpy.types.Scene) -> float:
-    """Height, m, of the highest corner of the bounding boxes of the site's meshes."""
+    """Find the height, m, of the highest corner of the bounding boxes of the site's meshes."""
     scene.view_layers[0].update()
     tops = [0.0]
     for found in scene.view_layers[0].depsgraph.object_instances:
@@ -285,7 +287,7 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
 
 
 def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
-    """Channels (rows, columns) of a render with one sample at the centre of each cell."""
+    """Render one sample at the centre of each cell, and return the channels (rows, columns) by name."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     passes.choose_layer(scene, TRUTH, stem, "FULL")
     file = stem.with_name(f"{stem.name}.exr")
@@ -307,9 +309,8 @@ def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
 
 
 def _find_pass_channels(channels: dict[str, Array], *names: str) -> list[Array]:
-    """The channels of a pass under any of its names, which differ between versions of Blender: R, G, B, or one
-    channel.
-    """
+    """Find the channels of a pass under any of its names, which differ between versions of Blender. They are R, G, B,
+    or one channel."""
     found = {key: values for key, values in channels.items() if key.split(".")[-2] in names}
     if not found:
         raise IcyMoonError(f"The map that Blender wrote has no pass {names[0]}; write it again.")

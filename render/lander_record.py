@@ -1,4 +1,4 @@
-"""The entry "lander" of ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
+"""Makes the entry "lander" of ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _POSE_TOLERANCE = 2e-5
 
 
 def make_lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], folder: Path) -> dict[str, Any]:
-    """The entry "lander" of ``pair.json``; empty without a lander.
+    """Make the entry "lander" of ``pair.json``; empty without a lander.
 
     ``poses`` are the camera-to-world matrices of the rectified eyes in OpenCV's axes. ``folder`` has the pair's images.
     Lengths are in metres.
@@ -78,9 +78,8 @@ def _find_truth_file(folder: Path, eye: str) -> Path:
 
 
 def _find_real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, Array]:
-    """Poses of the links: in double precision from the settings, or from Blender where the user has moved the
-    object.
-    """
+    """Find the poses of the links: in double precision from the settings, or from Blender where the user has moved the
+    object."""
     found, keys = {}, list_link_keys(settings)
     for link, pose in find_link_poses(settings, site_m).items():
         if (role := ROLES[keys[link]]) in objects:

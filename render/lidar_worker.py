@@ -76,7 +76,7 @@ def run_job(
 
 
 def _map_albedo(built: Built, scene: bpy.types.Scene, lidar: LidarFile, folder: Path) -> AlbedoMap | None:
-    """The albedo of a scene in the band next to the laser's wavelength, rendered from above; None where ground and
+    """Map the albedo of a scene in the band next to the laser's wavelength, rendered from above. None where ground and
     rocks have one albedo each. A temporary image is in ``folder``."""
     if not has_patches(built.settings):
         return None
@@ -149,7 +149,7 @@ def _refuse_enclosed(stage: Stage, pose: SensorPose) -> None:
 def _find_sensing(
     built: Built, lidar: LidarFile, asked: ScanRequest, laws: dict[int, Backscatter]
 ) -> tuple[Sensing, dict[str, Any]]:
-    """The media, detector and effects of a scan, and facts on them for its file."""
+    """Find the media, detector and effects of a scan. Return them, and facts on them for the scan's file."""
     settings, instrument = built.settings, lidar.instrument
     media: dict[int, Medium] = {}
     words = dict.fromkeys(("terrain", "rocks"), "left out, as asked")
@@ -174,7 +174,7 @@ def _find_sensing(
 
 
 def describe_detector(detector: Any) -> dict[str, Any]:
-    """The kind and the figures of a detector, for a file."""
+    """Describe the kind and the figures of a detector, for a file."""
     figures = {key: None if value == np.inf else value for key, value in asdict(detector).items()}
     return {"kind": type(detector).__name__, **figures}
 
@@ -204,7 +204,7 @@ def _write_batches(
 
 
 def _convert_unit(value: float, per_unit: float) -> float:
-    """A value in another unit, as a user wrote it: 3 ns stored as 3e-9 s is 3, and not 3.0000000000000004."""
+    """Convert a value to another unit, as a user wrote it: 3 ns stored as 3e-9 s is 3, and not 3.0000000000000004."""
     return float(f"{value * per_unit:.15g}")
 
 

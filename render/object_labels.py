@@ -1,4 +1,4 @@
-"""Labels for objects that the user added to the scene, for the time of a render.
+"""Labels objects that the user added to the scene, for the time of a render.
 
 A lander that the user puts into the collection "Icy Moon" has no labels, unless the user gave pass indices to it or to
 its materials. A render gives it an instance label and a semantic label, and resets them at the end.
@@ -23,8 +23,8 @@ def _list_materials(item: bpy.types.Object) -> set[bpy.types.Material]:
 
 
 def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.types.Material]]:
-    """The objects with a surface that the builders did not make, each with all its materials, in the order of their
-    names.
+    """Find the objects with a surface that the builders did not make, each with all its materials, in the order of
+    their names.
 
     Objects of collection instances and of geometry nodes count too, as do the materials that a modifier sets.
     """
@@ -44,7 +44,7 @@ def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy
 
 
 def _make_grey_material() -> bpy.types.Material:
-    """A material like Cycles' material for surfaces without one: diffuse, 0.8."""
+    """Make a material like Cycles' material for surfaces without one: diffuse, 0.8."""
     material = bpy.data.materials.new("Icy Moon Unlabelled")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()

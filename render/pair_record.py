@@ -1,4 +1,4 @@
-"""The content of the ``pair.json`` of a rendered pair."""
+"""Makes the content of the ``pair.json`` of a rendered pair."""
 
 from __future__ import annotations
 
@@ -34,9 +34,8 @@ from .plans.planned_pair import PlannedPair
 
 
 def make_light_json(built: Built, source: str) -> dict[str, Any]:
-    """Make the entry "light" of ``pair.json``: the sky by ``source``, a value of ``light.directions_from``, or by the
-    user's rotation of the lamp.
-    """
+    """Make the entry "light" of ``pair.json``. The sky is from ``source``, a value of ``light.directions_from``, or
+    from the user's rotation of the lamp."""
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()
@@ -70,7 +69,7 @@ _LOOSE_THICKNESS = "m of talus, mantle, skirts and spoil on hard ground, along t
 
 
 def _describe_channels(quality: QualitySettings) -> dict[str, Any]:
-    """The content of the images at this quality, in words."""
+    """Describe in words the content of the images at this quality."""
     light: dict[str, Any] = {
         "radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
         "wavelengths, if all light were as bright, relative to sunlight, as there",
@@ -95,14 +94,15 @@ def _describe_channels(quality: QualitySettings) -> dict[str, Any]:
 
 
 def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
-    """The details that the render omitted, and why light is traced, if only the scene or the image shows the reason."""
+    """List the details that the render omitted, and the reason for traced light, if only the scene or the image shows
+    it."""
     sentences = find_left_out(settings, built.sky)
     traced = [explain_traced_light(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
 def _place_head_on_map(head: list[dict[str, Any]], ground: dict[str, Any]) -> list[dict[str, Any]]:
-    """The entries of the cameras beside the pair, each with ``on_map`` if the ground is on a map."""
+    """Return the entries of the cameras beside the pair, each with ``on_map`` if the ground is on a map."""
     poses = {entry["name"]: np.array(entry["pose_camera_to_world"]) for entry in head}
     on_map = describe_cameras(ground, poses)
     return [entry | {"on_map": on_map[entry["name"]]} for entry in head] if on_map else head
@@ -119,10 +119,10 @@ def make_pair_json(
     indirect: dict[str, Any] | None,
     head: list[dict[str, Any]],
 ) -> dict[str, Any]:
-    """The content of ``pair.json`` without the facts that are known at the end of the render.
+    """Make the content of ``pair.json`` without the facts that are known only at the end of the render.
 
-    ``light`` is from ``make_light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about
-    baked light, if any, ``head`` the entries of the cameras beside the pair.
+    ``light`` is from ``make_light_json``. ``denoiser`` is the denoiser that was used. ``indirect`` is the statement
+    about baked light, if any. ``head`` are the entries of the cameras beside the pair.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = make_camera_with_eyes(settings), find_blur(settings)

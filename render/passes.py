@@ -77,8 +77,8 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     render.use_overwrite, render.use_placeholder = True, False
 
 
-#: Passes of the truth by ``quality.truth``: first the passes that Cycles takes from the first sample, so that they may
-#: come with the radiance; then all passes. Cycles averages normals and value passes over samples.
+#: Passes of the truth by ``quality.truth``: first the passes that Cycles takes from the first sample, which may come
+#: with the radiance; then all passes. Cycles averages normals and value passes over samples.
 _FIRST_SAMPLE_PASSES: dict[str, tuple[str, ...]] = {
     "DEPTH": ("use_pass_z",),
     "SEMANTIC": ("use_pass_z", "use_pass_material_index"),

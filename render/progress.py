@@ -33,7 +33,7 @@ class SampleCounter:
         self._since = now_s if _SAMPLE_STATUS.search(status) else None
 
     def read(self, status: str) -> float | None:
-        """The fraction in [0, 1] after this status line, or None if it is unchanged."""
+        """Read a status line, and return the completed fraction in [0, 1] after it; None if it is unchanged."""
         found = _SAMPLE_STATUS.search(status)
         if not found:
             return None

@@ -97,7 +97,7 @@ def _write(folder: Path, arrays: dict[str, Any]) -> None:
 
 
 def read_request(path: Path) -> ProjectRequest:
-    """The request in a file of ``icymoon projector``. Raises IcyMoonError for values that no projector has."""
+    """Read the request from a file of ``icymoon projector``. Raises IcyMoonError for values that no projector has."""
     data = read_record(path, {"projector": TABLE, "pattern": TABLE, "samples": COUNT}, "run icymoon projector again")
     try:
         return ProjectRequest(Projector(**data["projector"]), Pattern(**data["pattern"]), data["samples"])

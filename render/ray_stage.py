@@ -1,4 +1,4 @@
-"""The triangles that Cycles traces of a scene, with their matrices and labels, for rays that Icy Moon traces.
+"""Collects the triangles that Cycles traces of a scene, with their matrices and labels, for rays that Icy Moon traces.
 
 Blender evaluates the objects of a view layer for its window. An object without a mesh, or one that looks different in a
 render, is refused with a reason. Cycles then renders the truth too.
@@ -61,7 +61,8 @@ class SceneRays:
     """Rays through a scene that is rendered for one pair after another. Trees are built for the first pair."""
 
     def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
-        """For ``still_m`` see ``displaced_vertices.open_rendered_mesh``."""
+        """Prepare rays through a scene, without building trees yet. For ``still_m`` see
+        ``displaced_vertices.open_rendered_mesh``."""
         self._scene, self._still_m = scene, still_m
         self._meshes: list[Any] = []
         self._standing: list[Any] = []
@@ -70,7 +71,7 @@ class SceneRays:
         self._stage: Stage | None = None
 
     def prepare(self) -> Stage:
-        """The stage for the present scene.
+        """Prepare the stage for the present scene, and return it.
 
         Raises CannotTrace, and MemoryError if the trees need too much memory.
         """
@@ -80,8 +81,8 @@ class SceneRays:
         return self._open_stage()
 
     def require(self, what: str) -> Stage:
-        """The stage of ``prepare``. If rays cannot be traced, raises IcyMoonError, whose sentence begins with ``what``,
-        such as "The scene cannot be scanned"."""
+        """Return the stage of ``prepare``. Raises IcyMoonError if rays cannot be traced; its sentence begins with
+        ``what``, such as "The scene cannot be scanned"."""
         try:
             return self.prepare()
         except CannotTrace as reason:
@@ -148,7 +149,7 @@ class SceneRays:
         return self._stage
 
     def _make_worlds(self) -> tuple[World, World]:
-        """The world of all near objects, and the world of the sky."""
+        """Make the world of all near objects, and the world of the sky."""
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
             assert part.shape is not None
@@ -166,7 +167,7 @@ class SceneRays:
 
 
 def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """The instances of a scene that a render shows."""
+    """Yield the instances of a scene that a render shows, with their objects."""
     layer = scene.view_layers[0]
     layer.update()
     for found in layer.depsgraph.object_instances:
@@ -181,7 +182,7 @@ def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, 
 
 
 def _collect_parts(scene: bpy.types.Scene, still_m: float) -> tuple[list[_LabelledMesh], list[str]]:
-    """The meshes of a scene with their triangles, and the reasons why other objects are refused."""
+    """Collect the meshes of a scene with their triangles, and the reasons why other objects are refused."""
     found = _find_meshes(scene, read=True)
     for key, (mesh, labels) in found.moved.items():
         found.parts[key].shape = _read_moved(mesh, labels, found.parts[key].places[0], still_m)
@@ -203,10 +204,10 @@ class _FoundMeshes:
 
 
 def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
-    """The meshes of a scene with their instances.
+    """Find the meshes of a scene with their instances.
 
-    With ``read`` shapes are read, except of moved meshes. Their vertices are found in a separate scene, which discards
-    the objects that are evaluated here.
+    With ``read``, their shapes are read, except the shapes of moved meshes. The vertices of moved meshes are found in a
+    separate scene, which discards the objects that are evaluated here.
     """
     made = _FoundMeshes()
     points: dict[str, Array] = {}
@@ -253,7 +254,7 @@ def _check_traceable(item: bpy.types.Object) -> None:
 
 
 def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
-    """The label of an instance: of its point for a rock, else its pass index. Raises CannotTrace."""
+    """Find the label of an instance: the label of its point for a rock, else its pass index. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
         return int(item.original.pass_index)
@@ -269,12 +270,13 @@ def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance
 
 
 def _label_triangles(mesh: bpy.types.Mesh, labels: Sequence[int], facets: Array) -> Array:
-    """The label (m,) uint8 of each triangle: ``labels`` by material slot, looked up by the triangle's facet (m,)."""
+    """Return the label (m,) uint8 of each triangle. ``labels``, by material slot, are looked up by the triangle's facet
+    (m,)."""
     return np.asarray(labels, np.uint8)[np.clip(read_material_slots(mesh), 0, len(labels) - 1)[facets]]
 
 
 def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
-    """The triangles of an evaluated mesh."""
+    """Read the triangles of an evaluated mesh."""
     loops, facets = read_triangles(mesh)
     label = _label_triangles(mesh, labels, facets)
     return Shape(
@@ -288,7 +290,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
-    """The triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
+    """Read the triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
     vertices, groups = displace_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
     loose = read_numbers(mesh, LOOSE)

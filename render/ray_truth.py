@@ -1,4 +1,4 @@
-"""The exact passes of a pair, found by tracing rays and written to files like those of Cycles."""
+"""Finds the exact passes of a pair by tracing rays, and writes them to files like Cycles' files."""
 
 from __future__ import annotations
 
@@ -48,9 +48,8 @@ def trace_truth(
     the files by eye. The passes ``rounded`` are stored as 16-bit floats. Blender is not called, so it may render
     meanwhile.
 
-    ``poses`` are the camera-to-world matrices of the parallel eyes: (4, 4), or (rows, 4, 4) of each rendered row with a
-    rolling shutter. Surfaces outside the depths ``clip_m`` have
-    no truth.
+    ``poses`` are the camera-to-world matrices of the parallel eyes: (4, 4), or, with a rolling shutter, (rows, 4, 4)
+    for each rendered row. Surfaces outside the depths ``clip_m`` have no truth.
     """
     stem, kind = asked
     make = _make_calibrated_eye if kind == "SENSORS" else partial(make_rendered_eye, kind == "TOED")
@@ -63,7 +62,8 @@ def trace_truth(
 
 
 def make_rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> Eye:
-    """The pixels that are rendered for an eye of a rig, margins included; ``pose`` is as in ``trace_truth``."""
+    """Make the eye whose pixels are rendered for an eye of a rig, margins included; ``pose`` is as in
+    ``trace_truth``."""
     columns, rows = camera.rendered_px
     return Eye(
         columns,
@@ -113,19 +113,21 @@ _PASSES_BY_TRUTH = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE
 
 
 def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
-    """An EXR file of the truth of an eye as ``wanted``, with the passes ``rounded`` as 16-bit floats."""
+    """Encode the truth of an eye as an EXR file, with the passes of ``wanted``; the passes ``rounded`` are 16-bit
+    floats."""
     passes = {**_list_passes("Depth", truth.depth_m, truth), HIDDEN: {"X": truth.hidden}}
     loose = {} if truth.loose_m is None else {LOOSE: {"X": truth.loose_m}}
     return _encode_passes(passes | loose, wanted, rounded)
 
 
 def encode_camera_truth(truth: CameraTruth, wanted: str, rounded: Collection[str]) -> bytes:
-    """As ``encode_truth`` for a camera beside the pair, with the distance along its rays in place of depth."""
+    """Encode the truth of a camera beside the pair as ``encode_truth`` does, with the distance along its rays in place
+    of depth."""
     return _encode_passes(_list_passes(DISTANCE, truth.distance_m, truth), wanted, rounded)
 
 
 def _list_passes(name: str, far_m: Array, truth: EyeTruth | CameraTruth) -> dict[str, dict[str, Array]]:
-    """The passes of every camera, with ``far_m`` as the pass ``name``."""
+    """List the passes that every camera has, with ``far_m`` as the pass ``name``."""
     rocks = truth.number >= FIRST_ROCK_INSTANCE
     return {
         name: {"Z": np.where(np.isinf(far_m), SKY_DEPTH_M, far_m)},

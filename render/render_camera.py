@@ -30,14 +30,14 @@ SAMPLE_OFFSET_PX = 5.4e-4
 #: Largest turn of a camera with a rolling shutter between two of Cycles' steps, in degrees. The straight line between
 #: them is off by 4e-5 of the baseline, so by 4e-5 of the disparity.
 _MAX_TURN_PER_STEP_DEG = 1.0
-#: Property groups of a lens; Cycles' own properties are one until 4.5.
+#: Property groups of a lens. Until Blender 4.5, Cycles' own properties are one of them.
 _LENS_GROUPS = ("stereo", "dof", "cycles")
 _COMMON_PROPERTIES = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
 
 
 @contextmanager
 def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a separate camera, which ``set_up_camera`` makes a copy of the ``built`` one.
+    """Give ``scene`` a separate camera, which ``set_up_camera`` makes a copy of the ``built`` camera.
 
     All renders share it: Cycles builds its scene again when an object comes or goes, but not when an object changes.
     """
@@ -61,9 +61,9 @@ def set_up_camera(
     toed: bool,
     wide: bool = False,
 ) -> Iterator[None]:
-    """Make the camera of ``scene``, see ``add_render_camera``, a copy of the ``built`` one, in its frame.
+    """Make the camera of ``scene``, see ``add_render_camera``, a copy of the ``built`` camera, in its frame.
 
-    With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel; with ``wide`` they have its
+    With ``toed`` the eyes are turned in by the angle of ``camera``, else they are parallel; with ``wide`` they have its
     panorama. ``blur`` is given to the copy's lens and movement; the scene's present frame is the middle of the
     exposure.
     """
@@ -97,8 +97,8 @@ def set_up_camera(
 
 @contextmanager
 def set_up_head_camera(scene: bpy.types.Scene, projection: Projection, pose: Array) -> Iterator[None]:
-    """Make the camera of ``scene``, see ``add_render_camera``, a single one of a ``projection`` that Cycles supports,
-    with a pose (4, 4) in the world in OpenCV's axes."""
+    """Make the camera of ``scene``, see ``add_render_camera``, a single camera of a ``projection`` that Cycles
+    supports. Its pose (4, 4) is in the world in OpenCV's axes."""
     item, render = scene.camera, scene.render
     set_projection(item.data, projection)
     render.resolution_x, render.resolution_y = projection.size_px
@@ -164,8 +164,9 @@ def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
 
 @dataclass(frozen=True)
 class _Shutter:
-    """The duration of one frame of Blender in seconds; the share of it that a row is exposed, 1 for a global shutter;
-    the seconds by which the frame's middle is before the exposure's middle; and the steps of Cycles' motion."""
+    """The duration in seconds of one frame of Blender; the share of it for which a row is exposed, 1 for a global
+    shutter; the seconds by which the frame's middle is before the exposure's middle; and the steps of Cycles' motion.
+    """
 
     seconds: float
     row_share: float = 1.0
@@ -174,7 +175,7 @@ class _Shutter:
 
 
 def _find_shutter(blur: Blur, exposure_s: float, camera: StereoCamera) -> _Shutter:
-    """The shutter by which Cycles exposes the rows of a camera.
+    """Find the shutter by which Cycles exposes the rows of a camera.
 
     Cycles exposes row r of n, counted from 0 on top, for a share d of the frame, about its middle plus ((r + 1) / n -
     1/2) (1 - d) of the frame (``camera_sample`` in its kernel; measured in 4.2, 4.3, 4.5, 5.0). So the frame lasts the
@@ -184,7 +185,7 @@ def _find_shutter(blur: Blur, exposure_s: float, camera: StereoCamera) -> _Shutt
         return _Shutter(exposure_s)
     row_s = blur.readout_s / max(1, camera.height_px - 1)
     seconds = exposure_s + camera.rendered_px[1] * row_s
-    # Cycles moves the right eye on straight lines between steps, and it really moves on an arc.
+    # Between steps, Cycles moves the right eye on straight lines, although it really moves on an arc.
     parts = max(1.0, float(np.linalg.norm(blur.turn_deg_s)) * seconds / _MAX_TURN_PER_STEP_DEG)
     return _Shutter(seconds, exposure_s / seconds, row_s / 2, max(1, math.ceil(math.log2(parts))))
 

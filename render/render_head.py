@@ -36,9 +36,9 @@ def render_head(
 ) -> RenderedHead:
     """Render the cameras of ``rig.head_file`` at their poses in the ``built`` scene.
 
-    ``render_radiance`` lets Cycles render what ``scene`` is set up for into a file at a stem. ``stage`` is for the
-    truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises IcyMoonError
-    if a camera is missing.
+    ``render_radiance`` lets Cycles render the view for which ``scene`` is set up, into a file at a stem. ``stage`` is
+    for the truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises
+    IcyMoonError if a camera is missing.
     """
     if stage is None:
         return {}, []
@@ -67,5 +67,6 @@ def render_head(
 
 
 def _find_truth_file(camera: HeadCamera) -> str:
-    """The file with the truth: the image's file, unless the image is rendered on other pixels."""
+    """Find the name of the file with the truth: the image's file, or a separate file if the image's projection makes
+    Cycles render it on other pixels."""
     return image_file(camera.name) if is_plain(camera.projection) else truth_file(camera.name)

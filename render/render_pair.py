@@ -77,7 +77,7 @@ _NOISE_JUDGED_EYE = "left"
 
 @contextmanager
 def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
-    """A separate scene that shows the built collection under a black sky, for any number of pairs.
+    """Yield a separate scene that shows the built collection under a black sky, for any number of pairs.
 
     The user's scene is never changed for a render, so nothing has to be restored. The separate scene is always removed
     at the end. As long as no object is added or removed, Cycles keeps its tree of triangles for the next render, such
@@ -100,7 +100,7 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
 
 
 def _count_triangles(built: Built) -> int:
-    """Number of triangles of the collection's meshes; a mesh with several instances counts once."""
+    """Count the triangles of the collection's meshes; a mesh with several instances counts once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
@@ -211,12 +211,12 @@ class _CameraSetup:
 
 
 def _has_full_truth(planned: PlannedPair) -> bool:
-    """Whether truth takes a separate render."""
+    """Return whether truth takes a separate render."""
     return planned.settings.quality.truth == "FULL"
 
 
 def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
-    """The renders by camera: radiance and truth by one camera, unless they need different cameras."""
+    """List the renders by camera: one camera renders radiance and truth, unless they need different cameras."""
     toed, wide = camera.toe_in_deg != 0, camera.panorama is not None
     if blur is None and not toed and not wide:
         images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
@@ -274,7 +274,7 @@ def _render_into(
 
 
 def _count_truths(takes: list[_CameraSetup], planned: PlannedPair) -> int:
-    """Number of truth renders of Cycles for a pair."""
+    """Count the truth renders of Cycles for a pair."""
     images = sum(layer == TRUTH for take in takes for layer, _ in take.images)
     return images + (len(cycles_occlusion.STEPS_PX) if _has_full_truth(planned) else 0)
 
@@ -290,8 +290,7 @@ def _render_takes(
     quality: QualitySettings,
     rounded: set[str],
 ) -> _Rendered:
-    """Render radiance and truth by all cameras of the pair. ``baked`` tells whether the light of the ground is
-    baked."""
+    """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is baked."""
     settings = planned.settings
     camera, blur, others = make_camera_with_eyes(settings), find_blur(settings), len(read_head_cameras(settings))
     takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if settings.rig.images == "PAIR" else []
@@ -335,9 +334,8 @@ def _render_takes(
 
 
 def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) at the middle of the exposure, or with a
-    rolling shutter the pose of each rendered row (rows, 4, 4).
-    """
+    """List the poses from which the rows of the eyes are traced: ``poses`` (4, 4) at the middle of the exposure or,
+    with a rolling shutter, the pose of each rendered row (rows, 4, 4)."""
     camera, shutter = make_camera_with_eyes(settings), find_rolling_shutter(settings.rig)
     if shutter is None:
         return poses
@@ -353,7 +351,7 @@ def _prepare_cycles(
         scene.cycles.max_bounces = 0
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine, built.lamps)
     lights = separate_lights.list_light_passes(scene, built)
-    # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
+    # Cycles does not keep objects that move during a render, nor surfaces that change between two renders.
     scene.render.use_persistent_data = (
         not blurred
         and len(lights) == 1
@@ -366,7 +364,7 @@ def _prepare_cycles(
 def _write_files(
     part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool, rounded: set[str]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
-    """Assemble the layers into the files of the pair, with baked light added.
+    """Assemble the layers into the files of the pair, and add baked light.
 
     Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
     """
@@ -389,8 +387,8 @@ def _write_files(
 def _choose_engine(
     rays: SceneRays, settings: Settings, takes: list[_CameraSetup]
 ) -> tuple[Stage | None, dict[str, str]]:
-    """The stage on which traced rays find the truth, None if Cycles renders it; and the pair's statement about this
-    choice, empty if truth comes with the radiance."""
+    """Choose whether traced rays or Cycles find the truth. Return the stage for rays, None for Cycles, and the pair's
+    statement about this choice, empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
     if has_rolling_shutter(settings.rig):
@@ -417,8 +415,8 @@ _SENSOR_TRUTH_NUMBER = -1
 def _plan_rays(
     part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
 ) -> tuple[Stage | None, dict[int, TruthRequest], dict[str, str]]:
-    """The stage for rays, the truths that rays find, by number, and the statement of ``_choose_engine``. Rays find the
-    truth of ``takes``, unless Cycles renders it, and the truth on the sensors of calibrated eyes."""
+    """Return the stage for rays, the truths that rays find, by number, and the statement of ``_choose_engine``. Rays
+    find the truth of ``takes``, unless Cycles renders it, and the truth on the sensors of calibrated eyes."""
     stage, engine = _choose_engine(rays, settings, takes)
     asked: dict[int, TruthRequest] = {
         k: (part / f"{TRUTH}{k}", "TOED" if take.toed else "PARALLEL")
@@ -432,18 +430,18 @@ def _plan_rays(
 
 
 def _list_sensor_files(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
-    """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
+    """List the files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
     found = traced[_SENSOR_TRUTH_NUMBER].result() if _SENSOR_TRUTH_NUMBER in traced else {}
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
 def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
-    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
+    """Return the stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
     try:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or remove this cause."
+            f"The truth {whose} must come from rays, which is not possible here: {reason}; {fix}, or remove this cause."
         ) from None
 
 
@@ -475,7 +473,7 @@ def _render_light(
     truth: str,
 ) -> dict[str, Path]:
     """Render radiance into separate files, by eye. Lights that need separate renders are rendered one by one and
-    summed. ``truth`` is the truth that comes with it, see ``passes.choose_layer``."""
+    summed. ``truth`` is the truth that comes with the radiance, see ``passes.choose_layer``."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
         made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), truth)
@@ -522,7 +520,7 @@ def _render_truth(
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render a depth that is read once and removed: without surfaces where that saves time."""
+    """Prepare the render of a depth that is read once and removed: without surfaces, where this saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _count_triangles(built) > truth_without_light.MAX_TRIANGLES_PER_PIXEL * pixels
@@ -556,7 +554,7 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
 
 
 def _read_layers(written: dict[str, Path], final: Path) -> dict[str, list[Piece]]:
-    """The parts of the layers that were written for the file ``final``; their files are removed."""
+    """Read the parts of the layers that were written for the file ``final``, and remove their files."""
     with explain_disk_errors("write", final):
         found = {name: read_pieces(file.read_bytes()) for name, file in written.items()}
         for file in written.values():
@@ -569,8 +567,8 @@ def _write_layers(
 ) -> dict[str, Any]:
     """Put layers into one file, flush it and return its size and checksum.
 
-    The passes ``rounded`` are stored as 16-bit floats, those ``unwanted`` are left out. A ``compact`` file has no image
-    that is the sum of its lights.
+    The passes ``rounded`` are stored as 16-bit floats, and the passes ``unwanted`` are left out. A ``compact`` file has
+    no image that is the sum of its lights.
     """
     twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
@@ -586,5 +584,5 @@ def _write_layers(
 
 
 def _describe_file(file: Path) -> dict[str, Any]:
-    """Size and checksum of a file of a pair."""
+    """Return the size and the checksum of a file of a pair."""
     return {"bytes": file.stat().st_size, "sha256": hash_file(file)}

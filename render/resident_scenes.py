@@ -1,4 +1,4 @@
-"""Scenes rendered one after another in this process; each reuses parts of the one before."""
+"""Renders scenes one after another in this process; each scene reuses parts of the one before."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class RendererInThisProcess:
     """Renders in this process, which is Blender in the background, or has Blender as a module."""
 
     def __init__(self) -> None:
-        """Raises IcyMoonError in a Blender with a window, whose open file would be lost."""
+        """Open the renderer. Raises IcyMoonError in a Blender with a window, whose open file would be lost."""
         if not bpy.app.background:
             raise IcyMoonError(
                 "This Blender has a window, and rendering here would close your file; render with icymoon.Worker, "
@@ -78,5 +78,5 @@ class RendererInThisProcess:
         return self._scenes.render(settings, dataset, again, lambda kind, **facts: hear({"type": kind, **facts}))
 
     def close(self) -> None:
-        """See ``ResidentScenes.close``."""
+        """Close the renderer as ``ResidentScenes.close`` does."""
         self._scenes.close()

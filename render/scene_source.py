@@ -1,4 +1,4 @@
-"""The source of the scene for each pair: one built scene, or a scene built from each pair's settings."""
+"""Provides the scene for each pair: one built scene, or a scene built from each pair's settings."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class FixedScene:
     """A built scene that is rendered as it is, with all changes of the user."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
-        """Raises IcyMoonError if the scene shows a preview, or if its camera was changed by hand, see
+        """Use a built scene. Raises IcyMoonError if it shows a preview, or if its camera was changed by hand, see
         ``check_camera``."""
         if built.preview:
             raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
@@ -57,7 +57,7 @@ class FixedScene:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
-        """The scene in which a pair is rendered."""
+        """Prepare the scene for a pair, and return it."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons(
@@ -73,7 +73,8 @@ class ScenesFromSettings:
     """Scenes built from settings. Each scene reuses parts of the one before."""
 
     def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
-        """``warn`` receives each warning once; ``extra`` counts in the pairs' ids beside their settings."""
+        """Start without a scene. ``warn`` receives each warning once; ``extra`` counts in the pairs' ids beside their
+        settings."""
         self._warn, self._extra = warn, extra
         self._warned: set[str] = set()
         self._built: Built | None = None
@@ -90,9 +91,8 @@ class ScenesFromSettings:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
-        """The scene in which a pair is rendered. Raises IcyMoonError if the scene cannot be built; the next one may
-        succeed.
-        """
+        """Prepare the scene for a pair, and return it. Raises IcyMoonError if the scene cannot be built; the next one
+        may succeed."""
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
@@ -131,7 +131,7 @@ def _raise_reasons(reasons: Iterable[str]) -> None:
 
 
 def _same_scene_and_light(one: Settings, other: Settings) -> bool:
-    """Whether two settings differ only in camera, sampling, response and run."""
+    """Return whether two settings differ only in camera, sampling, response and run."""
     return all(
         part(one) == part(other)
         for part in (

@@ -1,4 +1,4 @@
-"""The lights that are rendered one by one, and the scene for each of these renders.
+"""Renders the lights of a scene one by one.
 
 With Open Shading Language Cycles writes no value passes, so truth is rendered without it. A surface whose nodes use the
 direction of the light can follow only one source, and gives its own light to one light group. So Sun, planet and lamps
@@ -21,9 +21,8 @@ from ..nodes.surface import sun_inputs
 
 @dataclass(frozen=True)
 class LightPass:
-    """The light in one render of an image: the omitted roles, the light group of the light that surfaces emit (None
-    keeps the group of the scene), and the lamp that surfaces follow if neither Sun nor planet shines.
-    """
+    """The light in one render of an image: the omitted roles; the light group of the light that surfaces emit, None for
+    the group of the scene; and the lamp that surfaces follow if neither Sun nor planet shines."""
 
     dark: tuple[str, ...] = ()
     group: str | None = None
@@ -31,12 +30,12 @@ class LightPass:
 
 
 def _find_sun_materials(built: Built) -> list[bpy.types.Material]:
-    """The materials whose nodes use the direction of the light."""
+    """Find the materials whose nodes use the direction of the light."""
     return [material for material in built.materials if sun_inputs.has_one_light_source(material)]
 
 
 def list_light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
-    """The renders whose sum is the image.
+    """List the renders whose sum is the image.
 
     A denoised image is one render, since its parts would be denoised one by one.
     """

@@ -1,4 +1,4 @@
-"""Bakes by Cycles to texels within the facets of a mesh, see ``physics.light.baked_texels``."""
+"""Bakes light by Cycles to texels within the facets of a mesh, see ``physics.light.baked_texels``."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from .mesh_arrays import read_corners
 
 
 def lay_out_mesh_texels(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
-    """The texels of the facets around the vertices of a mesh that are ``lit``."""
+    """Lay out the texels of the facets around the vertices of a mesh that are ``lit``."""
     starts, counts, corners, areas = read_facets(mesh)
     wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
     return baked_texels.lay_out_texels(starts, counts, corners, areas, wanted)
 
 
 def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
-    """For each facet: its first corner, number of corners and area in m² (last in the tuple). For each corner: its
-    vertex.
-    """
+    """Read the facets of a mesh: for each facet its first corner, number of corners and area in m² (last in the tuple),
+    and for each corner its vertex."""
     count = len(mesh.polygons)
     starts, corners, areas = np.empty(count, np.int32), read_corners(mesh), np.empty(count, np.float32)
     mesh.polygons.foreach_get("loop_start", starts)
@@ -31,8 +30,9 @@ def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
     return starts, np.diff(starts, append=len(corners)), corners, areas
 
 
-def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
-    """An image with the texels of a mesh. Their positions are the mesh's active texture coordinates until ``undo``."""
+def add_target_image(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
+    """Add an image with the texels of a mesh. Their positions are the mesh's active texture coordinates until
+    ``undo``."""
     name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
     undo.callback(setattr, mesh.uv_layers, "active_index", before)
     mesh.uv_layers.new(name=name, do_init=False)
@@ -58,16 +58,15 @@ def direct_bake_to_image(tree: bpy.types.NodeTree, image: bpy.types.Image, undo:
 
 
 def read_texels(image: bpy.types.Image) -> Array:
-    """The texels (n, 4) of an image; the last number is 0 where nothing was baked."""
+    """Read the texels (n, 4) of an image; the last number is 0 where nothing was baked."""
     texels = np.empty(4 * image.size[0] * image.size[1], np.float32)
     image.pixels.foreach_get(texels)
     return texels.reshape(-1, 4)
 
 
 def run_bake(scene: bpy.types.Scene, item: bpy.types.Object, **what: object) -> str:
-    """Bake ``what`` of an object to its target. Returns the reason if Cycles failed, as the beginning of a sentence;
-    else empty.
-    """
+    """Bake ``what`` of an object to its target. Returns the reason in parentheses, for a sentence, if Cycles failed;
+    else empty."""
     layer = scene.view_layers[0]
     layer.objects.active = item
     item.select_set(True, view_layer=layer)

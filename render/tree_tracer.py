@@ -17,7 +17,7 @@ _MAX_RAYS = 2**16
 _SPHERES_PER_GROUP = 8
 #: Bits per axis by which the order of spheres tells their places apart.
 _BITS_PER_AXIS = 10
-#: Share by which spheres are larger than their contents, above the error of single precision.
+#: Share by which spheres are larger than their contents; it exceeds the error of single precision.
 _SPHERE_MARGIN = 1e-5
 #: Cosine of half the angle between rays. Bundles wider than that are tested against everything.
 _MIN_BUNDLE_COSINE = 0.1
@@ -62,16 +62,16 @@ class TreeTracer:
         self._trees = []
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
-        """The first hits of rays (n, 3) from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
+        """Find the first hits of rays (n, 3) from ``near`` to ``far`` times their direction. ``origin`` is (3,) or
+        (n, 3).
 
         Rays are traced fastest if sixteen in a row have similar directions. Distances have single precision.
         """
         return self._trace(origin, direction, near, np.full(len(direction), far))
 
     def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
-        """Which (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
-        before it begins meets nothing.
-        """
+        """Return whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that
+        ends before it begins meets nothing."""
         return self._trace(origin, direction, near, np.asarray(far, float)).met
 
     def _trace(self, origin: Array, direction: Array, near: float, far: Array) -> Hits:
@@ -141,7 +141,7 @@ class TreeTracer:
 
 
 def _enters_box(boxes: Array, origin: Array, direction: Array) -> Array:
-    """Which (n,) rays (n, 3) enter boxes (n, 2, 3), which are slightly enlarged."""
+    """Return whether (n,) rays (n, 3) enter boxes (n, 2, 3), which are slightly enlarged."""
     low, high = boxes[:, 0], boxes[:, 1]
     spare = _SPHERE_MARGIN * (high - low).max(axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -151,7 +151,8 @@ def _enters_box(boxes: Array, origin: Array, direction: Array) -> Array:
 
 
 def _find_in_triangle(corners: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
-    """Where rays (n, 3) meet triangles (n, 3, 3), as the barycentric weights of the second and the third corner."""
+    """Find the points where rays (n, 3) meet triangles (n, 3, 3), as the barycentric weights of the second and the
+    third corner."""
     second, third = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     away, beside = origin - corners[:, 0], cross_products(direction, third)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,8 +173,8 @@ class _Spheres:
             self._levels.insert(0, _group_spheres(*self._levels[0]))
 
     def find_entered_spheres(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
-        """Pairs of rays (n, 3) and spheres that they enter: the ray, the sphere, and the distance in units of the ray's
-        direction.
+        """Find the pairs of rays (n, 3) and spheres that they enter. Return, for each pair, the ray, the sphere, and
+        the distance in units of the ray's direction.
 
         ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction.
         """
@@ -196,9 +197,8 @@ class _Spheres:
         return ray[entered], self._order[sphere[entered]], entry[entered]
 
     def _find_entered_by_bundles(self, origin: Array, ahead: Array, far: Array) -> tuple[Array, Array]:
-        """Pairs of bundles and spheres that the bundles may enter. The rays of bundles are unit vectors (m, k, 3) of up
-        to (m, k) metres.
-        """
+        """Find the pairs of bundles and spheres that the bundles may enter. The rays of bundles are unit vectors
+        (m, k, 3) of up to (m, k) metres."""
         axis = normalize(ahead.sum(axis=1))
         cosine = np.einsum("mkj,mj->mk", ahead, axis).min(axis=1, initial=1.0)
         sine, end = np.sqrt(np.maximum(1 - cosine**2, 0.0)), far.max(axis=1, initial=0.0)
@@ -225,13 +225,13 @@ class _Spheres:
 
 
 def _pad_bundles(values: Array, side: int) -> Array:
-    """Values (n, …) of rays as bundles (m, side, …); the last bundle is filled up with the last ray."""
+    """Arrange the values (n, …) of rays in bundles (m, side, …); the last bundle is filled up with the last ray."""
     more = -len(values) % side
     return np.concatenate([values, np.repeat(values[-1:], more, axis=0)]).reshape(-1, side, *values.shape[1:])
 
 
 def _group_spheres(centre: Array, radius: Array) -> tuple[Array, Array]:
-    """Spheres around ``_SPHERES_PER_GROUP`` consecutive spheres each."""
+    """Return the spheres around each ``_SPHERES_PER_GROUP`` consecutive spheres."""
     starts = np.arange(0, len(radius), _SPHERES_PER_GROUP)
     least = np.minimum.reduceat(centre - radius[:, None], starts)
     middle = (least + np.maximum.reduceat(centre + radius[:, None], starts)) / 2
@@ -240,9 +240,8 @@ def _group_spheres(centre: Array, radius: Array) -> tuple[Array, Array]:
 
 
 def _order_along_curve(points: Array) -> Array:
-    """An order of points (n, 3) in which near points are close in the row, along a Morton curve (G. M. Morton,
-    1966).
-    """
+    """Order points (n, 3) along a Morton curve (G. M. Morton, 1966), so that near points are close in the order. Return
+    their indices (n,)."""
     least, most = (edge(axis=0, initial=0.0) for edge in (points.min, points.max))
     whole = ((points - least) / np.maximum(most - least, np.finfo(float).tiny) * (2**_BITS_PER_AXIS - 1)).astype(
         np.int64

@@ -1,7 +1,7 @@
-"""Renders truth faster: without light, and for depth alone without surfaces.
+"""Renders truth faster: without light, and, for depth alone, without surfaces.
 
 A ray of the truth ends where it meets the ground, but Cycles would then sample the lamps and evaluate all nodes of the
-surface. Depth is the same to the bit without both.
+surface. Depth is the same to the last bit without both.
 """
 
 from __future__ import annotations
@@ -51,9 +51,8 @@ def remove_surfaces(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
 
 
 def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
-    """Whether every ray certainly ends at a surface. A surface with a volume counts as not opaque, since rays could
-    enter.
-    """
+    """Return whether every ray certainly ends at a surface. A surface with a volume counts as not opaque, since rays
+    could enter."""
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
     return (
         not output.inputs["Volume"].links

@@ -143,7 +143,7 @@ def _render_one(
 
 
 def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
-    """The pairs of a job; the job's number of threads, if any, replaces theirs."""
+    """List the pairs of a job; the job's number of threads, if any, replaces the pairs' own."""
     if job.get("pairs"):
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
         return [replace(pair, settings=overlay(pair.settings, threads)) for pair in read_planned_pairs(job)]
@@ -156,14 +156,14 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
 
 
 def _first_settings(job: dict[str, Any]) -> Settings:
-    """The settings of a job's scene, or of its first pair."""
+    """Read the settings of a job's scene, or of its first pair."""
     if job.get("pairs"):
         return read_planned_pairs({**job, "pairs": job["pairs"][:1]})[0].settings
     return merged(defaults(), check(job.get("settings", {}), "job"))
 
 
 def _repeat_text(job: dict[str, Any]) -> str:
-    """The text that distinguishes the pairs of another repeat."""
+    """Return the text that distinguishes the pairs of another repeat; empty for the first."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
@@ -182,7 +182,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
 
 
 def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
-    """The built scene of a .blend file, its current frame, and its pairs."""
+    """Open a .blend file. Return its built scene, its current frame, and its pairs."""
     try:
         bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
     except RuntimeError as error:

@@ -501,7 +501,7 @@ def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive,
         publish_pair(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
     assert (folder / "left.exr").read_bytes() == b"new"
     assert is_complete(folder)
-    Claims(dataset).clean_up()
+    Claims(dataset).remove_leftovers()
     assert [path.name for path in (dataset / "pairs").iterdir()] == [PAIRS[0].id]
 
 
@@ -539,5 +539,5 @@ def test_claims_are_read_while_they_are_given_back(drive):
         stop.set()
         thread.join()
     one.close()
-    other.clean_up()
+    other.remove_leftovers()
     assert files_in(drive / "set") == []

@@ -15,7 +15,7 @@ from ...support.steps import Steps, finish
 from .mesh_arrays import LARGE_BYTES, get_memory, read_property
 
 _BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
-#: How attributes of each type are read: type of the array, name of the property, numbers for each element.
+#: Way to read the attributes of each type: type of the array, name of the property, numbers for each element.
 READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
     "FLOAT": (np.float32, "value", 1),
     "INT": (np.int32, "value", 1),
@@ -74,7 +74,7 @@ def mark_array(values: Array, indices: bool = False) -> str:
 
 
 def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
-    """Name, domain, type and mark of each attribute of a mesh, curves or points.
+    """List the name, domain, type and mark of each attribute of a mesh, curves or points.
 
     Attributes that are false or 0 everywhere are left out, since Blender adds and removes them by itself.
     """
@@ -82,7 +82,8 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
 
 
 def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]]:
-    """As ``list_attribute_marks``, one attribute in each step; any thread may prepare and hash the large arrays."""
+    """Do the same as ``list_attribute_marks``, one attribute in each step; any thread may prepare and hash the large
+    arrays."""
     found = []
     for name in geometry.attributes.keys():  # noqa: SIM118 - the attributes may move in memory during a pause
         attribute = geometry.attributes.get(name)
@@ -102,7 +103,7 @@ def _list_attribute_marks(geometry: bpy.types.ID) -> Steps[list[tuple[str, ...]]
 
 
 def _read_in_steps(geometry: bpy.types.ID, name: str) -> Steps[Array]:
-    """The values of an attribute of a known type; empty if it was removed meanwhile."""
+    """Read the values of an attribute of a known type; empty if it was removed meanwhile."""
     attribute = geometry.attributes[name]
     kind = attribute.data_type
     dtype, key, width = READERS_BY_TYPE[kind]
@@ -114,7 +115,7 @@ def _read_in_steps(geometry: bpy.types.ID, name: str) -> Steps[Array]:
 
 
 def _mark_in_steps(values: Array, indices: bool = False) -> Steps[str]:
-    """As ``mark_array``; any thread may hash a large array."""
+    """Hash an array as ``mark_array`` does, in steps; any thread may hash a large array."""
     if values.nbytes <= LARGE_BYTES:
         return mark_array(values, indices)
     found: str = yield partial(mark_array, values, indices)
@@ -122,12 +123,12 @@ def _mark_in_steps(values: Array, indices: bool = False) -> Steps[str]:
 
 
 def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
-    """As ``list_mesh_marks_in_steps``, at once."""
+    """List the marks of all arrays of a mesh at once, see ``list_mesh_marks_in_steps``."""
     return finish(list_mesh_marks_in_steps(mesh))
 
 
 def list_mesh_marks_in_steps(mesh: bpy.types.Mesh) -> Steps[list[Any]]:
-    """Marks of all arrays of a mesh. A mesh in Edit Mode has no arrays: pass a copy."""
+    """List the marks of all arrays of a mesh, in steps. A mesh in Edit Mode has no arrays: pass a copy."""
     attributes = yield from _list_attribute_marks(mesh)
     normals = []
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5

@@ -16,21 +16,21 @@ def _find_blend_folder() -> str | None:
 
 
 def find_used_files(settings: Settings) -> dict[str, Path]:
-    """``settings.user_files.find_used_files`` with the folder of the open .blend file."""
+    """Call ``settings.user_files.find_used_files`` with the folder of the open .blend file."""
     return user_files.find_used_files(settings, _find_blend_folder())
 
 
 def make_paths_absolute(settings: Settings) -> Settings:
-    """The settings with absolute paths of files, for another process, which cannot resolve //."""
+    """Return the settings with absolute paths of files, for another process, which cannot resolve //."""
     found = [(*name.split("."), str(path)) for name, path in find_used_files(settings).items()]
     return merged(settings, *({topic: {key: path}} for topic, key, path in found))
 
 
 def hash_content(settings: Settings) -> str:
-    """``settings.user_files.hash_content`` with the folder of the open .blend file."""
+    """Call ``settings.user_files.hash_content`` with the folder of the open .blend file."""
     return user_files.hash_content(settings, _find_blend_folder())
 
 
 def do_files_exist(settings: Settings) -> bool:
-    """``settings.user_files.do_files_exist`` with the folder of the open .blend file."""
+    """Call ``settings.user_files.do_files_exist`` with the folder of the open .blend file."""
     return user_files.do_files_exist(settings, _find_blend_folder())

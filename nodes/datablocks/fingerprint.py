@@ -39,7 +39,7 @@ def describe_maker() -> str:
 
 
 def find_built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
-    """The objects that the builders made in a collection, by role, without copies that the user made of them."""
+    """Find the objects that the builders made in a collection, by role, without copies that the user made of them."""
     tagged = [item for item in collection.all_objects if TAG in item]
     roles = {item[TAG]: item for item in reversed(tagged)}
     pointed = {role: collection.get(f"{OWN}{role}") for role in roles if f"{OWN}{role}" in collection}
@@ -48,13 +48,13 @@ def find_built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.
 
 
 def find_added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
-    """The objects in a built collection that the builders did not make."""
+    """Find the objects in a built collection that the builders did not make."""
     ours = set(find_built_objects(collection).values())
     return [item for item in collection.all_objects if item not in ours]
 
 
 def list_own_nodes(materials: Iterable[bpy.types.Material | None]) -> Iterator[bpy.types.Node]:
-    """The nodes in built materials that have a node group of the user's, or a stand-in for it."""
+    """Yield the nodes in built materials that have a node group of the user's, or a stand-in for it."""
     for material in materials:
         tree = material.node_tree if material is not None else None
         for node in tree.nodes if tree is not None else ():
@@ -63,20 +63,20 @@ def list_own_nodes(materials: Iterable[bpy.types.Material | None]) -> Iterator[b
 
 
 def is_stand_in(group: bpy.types.NodeTree | None) -> bool:
-    """Whether the node group of ``list_own_nodes`` only stands for a group of another file."""
+    """Return whether the node group of ``list_own_nodes`` only stands for a group of another file."""
     return group is None or group.get(TAG) == STAND_IN
 
 
 def find_instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """The objects that an object instances through the node groups of its modifiers."""
+    """Yield the objects that an object instances through the node groups of its modifiers."""
     for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
         for socket in (s for node in tree.nodes for s in node.inputs if s.type == "COLLECTION") if tree else ():
             yield from sorted(socket.default_value.all_objects if socket.default_value else (), key=lambda o: o.name)
 
 
 def _list_surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
-    """The materials of an object and of the objects that it instances. If all have the same materials, these count
-    once."""
+    """List the materials of an object, and of each object that it instances. If all instanced objects have the same
+    materials, these are listed once."""
     own, others = (
         [list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
         for items in ((item,), find_instanced_objects(item))
@@ -85,12 +85,12 @@ def _list_surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | Non
 
 
 def is_wanted(part: str, wanted: tuple[str, ...]) -> bool:
-    """Whether a part is among the wanted parts and roles, or any is wanted."""
+    """Return whether a part is among the ``wanted`` parts and roles, or any part is wanted; False for ``MAKER``."""
     return part != MAKER and (not wanted or part in wanted or part.split()[0] in wanted)
 
 
 def _find_rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
-    """The objects of a collection that are rendered."""
+    """Find the objects of a collection that are rendered."""
     if collection.hide_render:
         return set()
     return set(collection.objects).union(*map(_find_rendered_objects, collection.children))
@@ -107,25 +107,25 @@ class Reading:
 
 
 def list_meshes(collection: bpy.types.Collection) -> list[bpy.types.Mesh]:
-    """The meshes of what the builders made in a collection, and of what that instances."""
+    """List the meshes of the objects that the builders made in a collection, and of the objects that these instance."""
     return list_meshes_of(find_built_objects(collection).values())
 
 
 def list_meshes_of(objects: Collection[bpy.types.Object]) -> list[bpy.types.Mesh]:
-    """The meshes of objects, and of what those instance."""
+    """List the meshes of objects, and of the objects that these instance."""
     every = [*objects, *(shape for item in objects for shape in find_instanced_objects(item))]
     return [item.data for item in every if isinstance(item.data, bpy.types.Mesh)]
 
 
 def read_marks(collection: bpy.types.Collection, *wanted: str, trusts: bool = False) -> Reading:
-    """As ``read_marks_in_steps``, at once."""
+    """Read marks at once, see ``read_marks_in_steps``."""
     return finish(read_marks_in_steps(collection, *wanted, trusts=trusts))
 
 
 def read_marks_in_steps(collection: bpy.types.Collection, *wanted: str, trusts: bool = False) -> Steps[Reading]:
-    """The marks of everything in a built collection, or of the wanted parts and roles, in steps.
+    """Read the marks of everything in a built collection, or of the wanted parts and roles, in steps.
 
-    It ``trusts`` the marks of ``known_marks``, or it reads all meshes anew.
+    With ``trusts`` it uses the marks of ``known_marks``; otherwise it reads all meshes anew.
 
     The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for what the user has added: objects, and
     the node groups that settings name. The marks are equal in every process that loads the file.
@@ -178,18 +178,18 @@ def _keep_mesh_marks(hasher: BlockHasher, data: bpy.types.ID | None) -> Steps[No
 
 
 def read_parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
-    """The marks of ``read_marks`` and their ``describe_maker``."""
+    """Read the marks of ``read_marks``, with the result of ``describe_maker`` as a further mark."""
     return {**read_marks(collection, *wanted).parts, MAKER: describe_maker()}
 
 
 def make_fingerprint(collection: bpy.types.Collection) -> str:
-    """Hash of everything in a built collection."""
+    """Hash everything in a built collection."""
     return hash_marks(sorted(read_parts(collection).items()))
 
 
 def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
-    """Names of the parts, among the wanted parts and roles or all, whose marks differ from ``known``. Without
-    "added"."""
+    """Find the names of the parts whose marks differ from ``known``, among the ``wanted`` parts and roles, or among all
+    if none is given. "added" never counts."""
     names = {part for part in now.keys() | known.keys() if is_wanted(part, wanted)} - {"added"}
     return {part for part in names if now.get(part) != known.get(part)}
 
@@ -197,11 +197,12 @@ def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: st
 def find_edited_parts(
     collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str, trusts: bool = False
 ) -> set[str]:
-    """``find_differing`` for the present marks of a collection, see ``read_marks``."""
+    """Find the parts of a collection whose present marks differ from ``known``, see ``find_differing`` and
+    ``read_marks``."""
     return find_differing(read_marks(collection, *wanted, trusts=trusts).parts, known, *wanted)
 
 
 def update_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
-    """``known`` with present marks of the changed parts and roles, at least one."""
+    """Return ``known`` with the present marks of the ``changed`` parts and roles, at least one."""
     kept = {part: mark for part, mark in known.items() if not is_wanted(part, changed)}
     return kept | read_marks(collection, *changed).parts

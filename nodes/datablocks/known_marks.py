@@ -1,9 +1,9 @@
-"""Marks of meshes that were read before and whose meshes Blender has not announced as changed since.
+"""Keeps the marks of meshes until Blender announces that the meshes have changed.
 
 The first step of a slider asks whether the ground was edited by hand. To read the arrays of a ground of 1.4 million
-vertices would hold the window for 0.1 s, so their marks are read before, while the window rests. Only a window that
-follows Blender's announcements keeps marks. A script that writes into arrays must announce that by ``Mesh.update``, as
-Blender asks of it for the drawing.
+vertices would hold the window for 0.1 s, so their marks are read earlier, while the window rests. Only a window that
+follows Blender's announcements keeps marks. A script that writes into arrays must announce it by ``Mesh.update``, as
+Blender requires for drawing.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ def keep_marks(mesh_uid: int, marks: list[Any]) -> None:
 
 
 def find_known_marks(meshes: Collection[bpy.types.Mesh]) -> dict[bpy.types.Mesh, list[Any]]:
-    """The marks that are kept, for ``BlockHasher.mesh_marks``."""
+    """Find the kept marks of these meshes, by mesh, for ``BlockHasher.mesh_marks``."""
     return {mesh: _known[mesh.session_uid] for mesh in meshes if mesh.session_uid in _known}
 
 
 def has_known_marks() -> bool:
-    """Whether marks of any mesh are kept."""
+    """Return whether marks of any mesh are kept."""
     return bool(_known)
 
 

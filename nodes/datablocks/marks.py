@@ -53,10 +53,10 @@ _IGNORED_KINDS = (
 
 
 class BlockHasher:
-    """One pass over data-blocks. Data-blocks in ``known`` count by their names there, without their content."""
+    """One pass that hashes data-blocks. Data-blocks in ``known`` count by their names there, without their content."""
 
     def __init__(self, known: Mapping[Any, str], aimed: Collection[Any] = ()) -> None:
-        """``aimed`` are the node trees with inputs that are set for every render."""
+        """Start a pass. ``aimed`` are the node trees with inputs that are set for every render."""
         self.refused: list[str] = []
         self.changes_with_time = False
         self.known = known
@@ -92,7 +92,7 @@ class BlockHasher:
         return found
 
     def content(self, block: bpy.types.ID, omit: tuple[str, ...] = ()) -> list[Any]:
-        """The content of a data-block, without the properties to ``omit``."""
+        """Return the content of a data-block, without the properties to ``omit``."""
         if getattr(block, "is_missing", False):
             self._refuse(block, "is missing in the library it is linked from; restore the library, or remove it.")
         if isinstance(block, bpy.types.Material) and compat.uses_nodes(block):
@@ -146,8 +146,8 @@ class BlockHasher:
         return _to_plain_value(value)
 
     def _read_custom(self, block: bpy.types.ID) -> list[Any]:
-        """Custom properties, because attribute and geometry nodes read them. Groups of properties belong to other
-        add-ons and do not count."""
+        """Read the custom properties of a data-block, because attribute and geometry nodes read them. Groups of
+        properties belong to other add-ons and do not count."""
         values = [
             (key, block[key]) for key in sorted(set(compat.list_custom_properties(block)) - {"icymoon", "_RNA_UI"})
         ]
@@ -158,16 +158,15 @@ class BlockHasher:
         ]
 
     def ordered(self, value: object) -> object:
-        """The mark of a value, as from ``value``; for a collection also its items in the order of names, by which
-        geometry nodes pick them.
-        """
+        """Return what identifies a value, as ``value`` does; for a collection also its items in the order of names, by
+        which geometry nodes pick them."""
         if not isinstance(value, bpy.types.Collection):
             return self.value(value)
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
         return [self.mark(value), [self.ordered(item) for item in items]]
 
     def _mark_file(self, struct: bpy.types.bpy_struct, path: str) -> object:
-        """The mark of a file's content, which does not depend on its path."""
+        """Hash a file's content, independent of its path."""
         packed = getattr(struct, "packed_file", None)
         if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
             return self.packed(packed)
@@ -187,15 +186,14 @@ class BlockHasher:
         return "missing"
 
     def packed(self, packed: bpy.types.PackedFile | None) -> str:
-        """The mark of a file that is packed into the .blend."""
+        """Hash a file that is packed into the .blend; empty without one."""
         return hashlib.sha256(packed.data).hexdigest() if packed else ""
 
     # Content of data-blocks and structures that is not in their properties, by kind.
 
     def of_object(self, item: bpy.types.Object) -> list[Any]:
-        """Name, shape key and weights of an object, as far as they have an effect. Raises an error for content that
-        cannot be marked.
-        """
+        """Return the name, shape key and weights of an object, as far as they have an effect, and refuse content that
+        cannot be marked."""
         for modifier in item.modifiers:
             if modifier.type in _SIMULATION_MODIFIERS and modifier.show_render:
                 self._refuse(
@@ -227,7 +225,8 @@ class BlockHasher:
         return [item.name if counts else "", key, weights]
 
     def of_mesh(self, mesh: bpy.types.Mesh) -> list[Any]:
-        """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
+        """Return the marks of all arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has
+        none."""
         if mesh in self.mesh_marks and not mesh.is_editmode:
             return self.mesh_marks[mesh]
         if not mesh.is_editmode:
@@ -242,7 +241,7 @@ class BlockHasher:
             bpy.data.meshes.remove(copy)
 
     def of_image(self, image: bpy.types.Image) -> list[Any]:
-        """The content of an image's files, one for each tile."""
+        """Return the content of an image's files, one for each tile."""
         if image.source in ("MOVIE", "SEQUENCE", "VIEWER"):
             self._refuse(
                 image, f"is a {image.source.lower()}, whose pictures have no marks of their own; use a single image."
@@ -261,7 +260,8 @@ class BlockHasher:
         )
 
     def of_tree(self, tree: bpy.types.NodeTree) -> list[Any]:
-        """Nodes by name, since the builders find their own by name, with the values of their sockets; and links."""
+        """Return the nodes of a tree with the values of their sockets, and its links. Nodes count by name, since the
+        builders find their own nodes by name."""
         nodes = []
         for node in sorted(tree.nodes, key=lambda n: n.name):
             if node.bl_idname == "NodeFrame":
@@ -296,7 +296,7 @@ class BlockHasher:
         ]
 
     def of_collection(self, collection: bpy.types.Collection) -> list[Any]:
-        """The objects and children of a collection, independent of their order."""
+        """Return the objects and children of a collection, independent of their order."""
         items = [
             (self.mark(item), each.light_linking.link_state)
             for item, each in zip(collection.objects, collection.collection_objects, strict=True)
@@ -324,7 +324,7 @@ class BlockHasher:
         return []
 
     def of_target(self, target: bpy.types.DriverTarget) -> list[Any]:
-        """The value that a driver reads."""
+        """Return the value that a driver reads."""
         try:
             return [
                 _to_plain_value(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None
@@ -333,9 +333,10 @@ class BlockHasher:
             return ["?"]
 
     def of_nodes(self, modifier: bpy.types.NodesModifier) -> list[Any]:
-        """Inputs of a modifier of nodes. Inputs at the defaults of the group may be missing in the modifier.
+        """Return the inputs of a modifier of nodes. An input that is missing in the modifier has the default of the
+        group.
 
-        From 5.2 on they are ordinary properties.
+        From Blender 5.2 on they are ordinary properties.
         """
         items = modifier.node_group.interface.items_tree if modifier.node_group else ()
         given = {key: modifier[key] for key in compat.list_custom_properties(modifier)}
@@ -351,13 +352,13 @@ class BlockHasher:
         ]
 
     def of_shape(self, key: bpy.types.Key) -> list[Any]:
-        """Positions of the points of a shape key."""
+        """Return the mark of the positions of a shape key's points."""
         if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
             return [mark_array(read_property(key.data, "co", width=3))]
         return [self.value(item) for item in key.data]
 
     def of_animation(self, animation: bpy.types.AnimData) -> list[Any]:
-        """Notes whether the content changes with the frame."""
+        """Note whether the content changes with the frame; animation itself has no marks."""
         self.changes_with_time |= bool(animation.action or animation.nla_tracks)
         return []
 
@@ -386,12 +387,12 @@ _HASHER_BY_STRUCT_TYPE: tuple[tuple[Any, Callable[[BlockHasher, Any], list[Any]]
 
 
 def hash_marks(content: object) -> str:
-    """SHA-256 of the result of ``Walk.content``."""
+    """Return the SHA-256, as hexadecimal text, of marks or of the content that ``BlockHasher.content`` returns."""
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
 def is_random_by_object(tree: bpy.types.NodeTree | None) -> bool:
-    """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
+    """Return whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
     return tree is not None and any(
         node.outputs["Random"].is_linked
         if node.bl_idname == "ShaderNodeObjectInfo"
@@ -401,7 +402,7 @@ def is_random_by_object(tree: bpy.types.NodeTree | None) -> bool:
 
 
 def is_light_input(node: bpy.types.Node, socket: str) -> bool:
-    """Whether a node's input describes the Sun or the planet and is therefore set for every render."""
+    """Return whether a node's input describes the Sun or the planet and is therefore set for every render."""
     prefixes = _AIMED_INPUTS.get((node.name, node.bl_idname))
     return prefixes is not None and socket.startswith(prefixes)
 
@@ -418,12 +419,12 @@ def _find_tile_path(path: str, number: int) -> str:
 
 @lru_cache(maxsize=4096)
 def _hash_file(file: str, size: int, modified_ns: int) -> str:
-    """SHA-256 of a file, read once for each size and time of change."""
+    """Return the SHA-256 of a file, which is read once for each size and time of change."""
     return hash_file(Path(file))
 
 
 def _to_plain_value(value: Any) -> object:
-    """A number, a text, or tuples of them."""
+    """Convert a value to a number, a text, or tuples of them."""
     if isinstance(value, (str, int, float, bytes)) or value is None:
         return value
     if isinstance(value, (set, frozenset)):

@@ -1,4 +1,4 @@
-"""Arrays into and out of meshes and other collections of Blender."""
+"""Copies arrays into and out of meshes and other collections of Blender."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import DTypeLike
 from ...support.arrays import Array
 from ...support.steps import Steps
 
-#: Size of arrays above which a thread gets their memory and works on them: the corners of three million triangles take
-#: 0.05 s of each.
+#: Bytes of an array above which a thread allocates it and works on it. For the corners of three million triangles, each
+#: takes 0.05 s.
 LARGE_BYTES = 2**20
 
 
@@ -23,8 +23,8 @@ def read_property(
     width: int = 1,
     memory: Array | None = None,
 ) -> Array:
-    """An array of one property of all items of a collection; each item has ``width`` numbers. It is in ``memory`` if
-    that has its size."""
+    """Read one property of all items of a collection into an array; each item has ``width`` numbers. The array is in
+    ``memory`` if that has its size."""
     count = len(items) * width
     values = memory if memory is not None and len(memory) == count else np.empty(count, kind)
     items.foreach_get(name, values)
@@ -32,8 +32,8 @@ def read_property(
 
 
 def get_memory(count: int, kind: DTypeLike) -> Steps[Array]:
-    """Memory for an array of ``count`` numbers, in steps. A thread gets much of it from the system, which takes longer
-    than Blender takes to copy its values."""
+    """Get memory for an array of ``count`` numbers, in steps. A thread gets large memory, because the system takes
+    longer to give it than Blender takes to copy the values."""
     memory = np.empty(count, kind)
     if memory.nbytes > LARGE_BYTES:
         yield partial(memory.fill, 0)

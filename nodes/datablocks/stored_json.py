@@ -14,7 +14,7 @@ _BUILD_AGAIN = "press Build Scene to build it again"
 
 
 def read_stored(owner: bpy.types.ID, key: str, shape: Shape, absent: str = "{}") -> Any:
-    """The content of the property ``key`` of a data-block; ``absent`` replaces a missing text.
+    """Read the content of the property ``key`` of a data-block; ``absent`` replaces a missing text.
 
     Raises IcyMoonError if the content does not have the ``shape``.
     """

@@ -1,4 +1,4 @@
-"""The properties of Blender's structures that a render can show.
+"""Lists the properties of Blender's structures that a render can show.
 
 Every property that Blender stores counts, unless it is listed here with a reason. So a property that a later Blender
 adds counts without a change of this list. A test requires a reason for every property that does not change a
@@ -203,7 +203,7 @@ _PLAIN_TYPES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def _list_kinds(struct: bpy.types.bpy_struct) -> list[str]:
-    """The RNA names of a structure and of its base structures."""
+    """List the RNA names of a structure and of its base structures."""
     return [base.bl_rna.identifier for base in struct.__mro__ if hasattr(base, "bl_rna")]
 
 
@@ -218,7 +218,7 @@ def _list_reasons() -> dict[tuple[str, str], str]:
 
 
 def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
-    """The reason why a property does not count; None if it counts."""
+    """Return the reason why a property does not count; None if it counts."""
     found = next((_list_reasons()[kind, name] for kind in _list_kinds(struct) if (kind, name) in _list_reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
         return "definition of the kind of node, or selection of one of its items"
@@ -227,9 +227,8 @@ def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
 
 @lru_cache(maxsize=1024)
 def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ...]:
-    """(name, kind) of each property of a structure that counts. ``kind`` is the way to read it: ``value``, ``file`` (a
-    path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
-    """
+    """List (name, kind) of each property of a structure that counts. ``kind`` is the way to read it: ``value``,
+    ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``."""
     fixed = set().union(*(_STORED_READ_ONLY.get(kind, set()) for kind in _list_kinds(struct)))
     by_name = {name for kind, name in BY_NAME if kind in _list_kinds(struct)}
     found = []
@@ -252,8 +251,8 @@ def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ..
 
 
 def _belongs_to_add_on(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
-    """Whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
-    # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, in the way of add-ons.
+    """Return whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
+    # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, as add-ons do.
     by_blender = (
         issubclass(struct, (bpy.types.PropertyGroup, bpy.types.Node))
         or struct.bl_rna.identifier == "GeometryNodesModifierInterface"

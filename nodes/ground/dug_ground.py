@@ -52,19 +52,20 @@ class DugGround(MeshedGround):
         return self.series.site.grid
 
     def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
-        """A function for the heights on which rocks lie: those of the untouched ground without skirts."""
+        """Make a function that returns the heights of the untouched ground without skirts, on which rocks lie."""
         return super().without_skirts(self.before(height_at), terrain)
 
     def compute_skirts(self, x_m: Array, y_m: Array, terrain: TerrainSettings) -> Array:
-        """Heights in metres of the skirts above the untouched ground at places (n, …), with the detail of the mesh."""
+        """Compute the heights in metres of the skirts above the untouched ground at places (n, …), with the detail of
+        the mesh."""
         skirts, grid = self.surface.skirts, self.grid
         assert skirts is not None
         patch = skirts.heights(grid.east_m[None, :], grid.north_m[:, None], 2 * grid.cell_m)
         return grid.interpolate(patch, x_m, y_m, super().compute_skirts(x_m, y_m, terrain))
 
     def before(self, height_at: HeightAt) -> HeightAt:
-        """A function for heights of the untouched ground. Outside the patch it returns ``height_at`` of the mesh in
-        this state."""
+        """Make a function that returns the heights of the untouched ground. Outside the patch, it calls ``height_at``
+        of the mesh in this state."""
         assert self.series is not None
         series = self.series
 
@@ -74,18 +75,19 @@ class DugGround(MeshedGround):
         return heights
 
     def change_m(self, x_m: Array, y_m: Array) -> Array:
-        """Height in metres of the ground in this state above the untouched ground; negative where it is lower."""
+        """Return the height in metres of the ground in this state above the untouched ground; negative where it is
+        lower."""
         assert self.series is not None
         change = self.series.at(self.state).layers.top - self.series.before_m
         return self.grid.interpolate(change, x_m, y_m, np.zeros(np.shape(x_m)))
 
     def find_coarse_heights(self, terrain: TerrainSettings) -> HeightAt:
-        """See ``MeshedGround.find_coarse_heights``; in the patch, the heights of this state."""
+        """Make a function as ``MeshedGround.find_coarse_heights`` does, with the heights of this state in the patch."""
         untouched = self.before(super().find_coarse_heights(terrain))
         return lambda x_m, y_m: untouched(x_m, y_m) + self.change_m(x_m, y_m)
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The mesh, with the attributes ``DEPTH`` and ``SPOIL``."""
+        """Build the mesh, with the attributes ``DEPTH`` and ``SPOIL``."""
         assert self.series is not None
         mesh = super().build_mesh(name)
         layers = self.series.at(self.state).layers
@@ -119,11 +121,11 @@ class _PreparedGroundCache:
 def mesh_whole_ground(
     settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround] = mesh_ground
 ) -> MeshedGround:
-    """Procedural ground with its mesh, dug if ``settings`` have an excavation; any thread may call it.
+    """Make procedural ground with its mesh, dug if ``settings`` have an excavation; any thread may call this.
 
     Paths in ``settings`` are absolute, since only the main thread may ask Blender for the folder of the open file.
-    ``mesh`` makes the mesh of untouched ground. Raises IcyMoonError if it cannot be dug, ValueError if a height is not
-    finite.
+    ``mesh`` makes the mesh of untouched ground. Raises IcyMoonError if the ground cannot be dug, ValueError if a height
+    is not finite.
     """
     if not sites.is_dug(settings):
         return mesh(_make_untouched(settings), settings)
@@ -170,7 +172,7 @@ def _prepare_ground(settings: Settings, mesh: Callable[[Terrain, Settings], Mesh
 
 
 def _dig_state(prepared: _Prepared, state: int) -> DugGround:
-    """The ground in a state: the heights of its patch, and flat faces where it was dug."""
+    """Make the ground in a state: with the heights of its patch, and flat faces where it was dug."""
     ground, series = prepared.ground, prepared.series
     layers = series.at(state).layers
     top, loose = layers.top, None if ground.loose_m is None else ground.loose_m.copy()
@@ -201,8 +203,8 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
 def join_patch(
     ground: MeshedGround, grid: ExcavationGrid, heights_m: Array, loose_m: Array | None = None
 ) -> MeshedGround:
-    """Ground whose mesh has a patch with the vertices of ``grid`` at ``heights_m`` (rows, columns). The vertices of the
-    patch come last in the mesh. ``loose_m`` (rows, columns) are its thicknesses of loose material, if they are known.
+    """Join a patch to the mesh of a ground: the vertices of ``grid`` at ``heights_m`` (rows, columns). They come last
+    in the mesh. ``loose_m`` (rows, columns) are the patch's thicknesses of loose material, if they are known.
 
     The triangles that meet the patch are removed, and a constrained Delaunay triangulation between the rims of the hole
     and the patch fills the gap. The triangulation adds no vertex, so no crack appears. Raises IcyMoonError if there is
@@ -249,9 +251,8 @@ def join_patch(
 
 
 def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
-    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner loop (k, 2). Corners are numbered
-    from the outer loop on.
-    """
+    """Return triangles (m, 3), counter-clockwise, that fill the gap between an outer loop (n, 2) and an inner loop (k,
+    2). Their corners are numbered from the outer loop on."""
     points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
     edges = [
         (first + k, first + (k + 1) % count)
@@ -278,9 +279,9 @@ def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
 
 
 def _drop_loose_triangles(faces: Array, rims: Array) -> Array:
-    """Triangles (m, 3) that are held on every side, by another triangle or by an edge (k, 2) of the rims.
+    """Return the triangles (m, 3) that touch, on every side, another triangle or an edge (k, 2) of the rims.
 
-    Along a seam of the mesh three corners of the outer rim lie on a line. By rounding, a triangle without area between
+    Along a seam of the mesh, three corners of the outer rim lie on a line. By rounding, a triangle without area between
     them may count as inside.
     """
     many = int(faces.max()) + 1

@@ -1,4 +1,4 @@
-"""Heights of a mesh under given points."""
+"""Finds the heights of a mesh under given points."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _ABOVE_M = 1.0
 
 @contextmanager
 def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
-    """A function that returns the heights of the highest surface of a mesh object, at east and north coordinates.
+    """Yield a function that returns the heights of the highest surface of a mesh object, at east and north coordinates.
 
-    All are in metres; heights are NaN where there is no mesh. The triangles have these heights, not the function that
-    the mesh was made from, so that rocks lie on the rendered ground even if the mesh is coarse. A temporary scene
-    computes the heights, of 140 000 points on three million triangles in 1.4 processor seconds. The mesh must stay as
-    it is until the end of the ``with`` block.
+    All are in metres; heights are NaN where there is no mesh. They are the heights of the triangles, not of the
+    function that the mesh was made from, so that rocks lie on the rendered ground even if the mesh is coarse. A
+    temporary scene computes the heights of 140 000 points on three million triangles in 1.4 processor seconds. The mesh
+    must stay as it is until the end of the ``with`` block.
     """
     corners = np.array(ground.bound_box)
     start_m = float(np.float32(corners[:, 2].max() + _ABOVE_M))
@@ -55,15 +55,15 @@ def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
 
 
 def _is_mesh_in_place(ground: bpy.types.Object) -> bool:
-    """Whether the vertices of an object's mesh are where the object shows them, in metres of the world."""
+    """Return whether the vertices of an object's mesh are where the object shows them, in metres of the world."""
     moves = ground.parent or ground.constraints or ground.animation_data or ground.matrix_basis != Matrix()
     changes = ground.modifiers or ground.data.shape_keys or ground.data.is_editmode
     return not (moves or changes)
 
 
 def _make_chooser(ground: bpy.types.Object, near: bpy.types.Mesh) -> Callable[[Array, Array], bool]:
-    """A function that fills the mesh ``near`` with the faces of a ground that can lie under points, and returns whether
-    there are any. Blender's tree of all triangles would take most of the time."""
+    """Make a function that fills the mesh ``near`` with the faces of a ground that can lie under points, and returns
+    whether there are any. Blender's tree of all triangles would take most of the time."""
 
     @cache
     def measure() -> tuple[Array, FacesOnMap]:
@@ -87,7 +87,8 @@ def _make_chooser(ground: bpy.types.Object, near: bpy.types.Mesh) -> Callable[[A
 
 
 def _drop_points(scene: bpy.types.Scene, points: bpy.types.Object, x_m: Array, y_m: Array, start_m: float) -> Array:
-    """Heights (n,) in metres where points that drop from ``start_m`` hit the ground; NaN if they hit none."""
+    """Drop points from ``start_m`` and return the heights (n,) in metres where they hit the ground; NaN if they hit
+    none."""
     if len(x_m) == 0:
         return np.zeros(0)
     positions = np.column_stack([x_m, y_m, np.full(len(x_m), start_m)])

@@ -40,13 +40,13 @@ _MAX_NAMED_CHANNELS = 8
 
 @dataclass(frozen=True)
 class Heights:
-    """Values (rows, columns) float64, with row 0 in the north and NaN for missing values.
+    """A height map: ``values`` (rows, columns) float64, with row 0 in the north and NaN for missing values.
 
     Their unit is metres for a GeoTIFF, otherwise the unit of the file. ``pixel_m`` (east, north) and ``corner_m``
     (centre of the lower left pixel) are from the file. Without them they are None, and ``unplaced`` is the reason, as
     the end of a sentence. ``report`` contains other facts from the file, and ``warnings`` are for the user.
     ``file_shape`` is the shape of the whole file. ``place`` is the position of the site on a map; then ``corner_m`` is
-    from the site's origin. ``stored`` is the type of the file's numbers.
+    relative to the site's origin. ``stored`` is the type of the file's numbers.
     """
 
     values: Array
@@ -155,17 +155,17 @@ def _read_exr(path: Path, start: bytes) -> Heights:
 
 
 def _show_name(name: str) -> str:
-    """A name from a file, for a sentence."""
+    """Make a name from a file printable, for a sentence: at most 40 letters."""
     return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
 
 
 def _mask_missing(values: Array) -> Array:
-    """The values, with NaN in place of values that are missing or too large for a height."""
+    """Replace values that are missing or too large for a height by NaN."""
     return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 
 def _load_pixels(path: Path) -> Array:
-    """The first channel (rows, columns) float32, loaded by Blender without colour conversion."""
+    """Load the first channel (rows, columns), float32, of an image by Blender, without colour conversion."""
     with open_scratch_scene():
         with explain_errors(path, "an image", "save it again"):
             image = bpy.data.images.load(str(path), check_existing=False)

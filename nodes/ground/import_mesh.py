@@ -33,7 +33,7 @@ _MEMORY_FACTOR, _EXTRA_MEMORY_BYTES = 4, 2**31
 
 
 def _list_data_blocks() -> set[Any]:
-    """All data-blocks of the open file."""
+    """List all data-blocks of the open file."""
     return {
         block
         for prop in bpy.data.bl_rna.properties
@@ -44,7 +44,7 @@ def _list_data_blocks() -> set[Any]:
 
 @contextlib.contextmanager
 def open_scratch_scene() -> Iterator[bpy.types.Scene]:
-    """A temporary scene as the context. The scene and all data-blocks made meanwhile are removed at the end."""
+    """Use a temporary scene as the context. The scene, and all data-blocks made meanwhile, are removed at the end."""
     before = _list_data_blocks()
     scene = bpy.data.scenes.new("Icy Moon Import")
     layer = scene.view_layers[0]
@@ -64,7 +64,7 @@ def open_scratch_scene() -> Iterator[bpy.types.Scene]:
 
 @contextlib.contextmanager
 def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
-    """The import operator and its options; its add-on is enabled meanwhile.
+    """Yield the import operator and its options, with its add-on enabled meanwhile.
 
     Raises IcyMoonError if this Blender has no such operator.
     """
@@ -86,7 +86,8 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
 
 
 def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
-    """Vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file, and UV coordinates of the corners.
+    """Read the vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file, and UV coordinates of the
+    corners.
 
     UV coordinates (m, 3, 2) float32 are from the layer that is rendered. They are NaN for meshes without any, and None
     if no mesh has any. Vertices of OBJ, PLY and STL files keep their coordinates. Vertices of glTF, USD and FBX files
@@ -120,7 +121,8 @@ def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
 
 
 def _read_as_written(path: Path, positions: Array, faces: Array, uv: Array | None) -> tuple[Array, Array | None]:
-    """Vertices and UV coordinates of a PLY file in full precision, if their number agrees with Blender's import."""
+    """Read the vertices and UV coordinates of a PLY file in full precision. If this fails, or if their number differs
+    from Blender's import, return the given ones."""
     try:
         written = ply.read_vertices(path)
         if written is None or written.shape != positions.shape:
@@ -137,7 +139,8 @@ def _find_last_error_line(error: Exception) -> str:
 
 
 def _read_corners_uv(mesh: bpy.types.Mesh, loops: Array) -> Array | None:
-    """UV coordinates (m, 3, 2) of the corners (m, 3) of triangles in the rendered layer; None if there is no layer."""
+    """Return UV coordinates (m, 3, 2) of the corners (m, 3) of triangles in the rendered layer; None if there is no
+    layer."""
     layer = next((each for each in mesh.uv_layers if each.active_render), None)
     if layer is None:
         return None
@@ -158,8 +161,8 @@ class PlacedMesh:
 
     @classmethod
     def read(cls, instance: bpy.types.DepsgraphObjectInstance) -> Self:
-        """Read an instance of a mesh. Whole arrays are copied, since Blender reads vertex by vertex 20 times as
-        long."""
+        """Read an instance of a mesh. Whole arrays are copied, because reading vertex by vertex takes Blender 20 times
+        as long."""
         mesh = instance.object.data
         mesh.calc_loop_triangles()
         corners = read_property(mesh.loop_triangles, "loops", np.int32, 3).reshape(-1, 3)
@@ -172,8 +175,8 @@ class PlacedMesh:
         return cls(positions, vertices, corners, np.array(instance.matrix_world, np.float64))
 
     def place(self) -> tuple[Array, Array, Array]:
-        """Vertices (n, 3) float64 in world coordinates, vertices and corners (m, 3) of the triangles. Any thread
-        may call this. A mirrored instance shows its other side, so its triangles are turned."""
+        """Return the vertices (n, 3) float64 in world coordinates, and the vertices and corners (m, 3) of the
+        triangles. Any thread may call this. A mirrored instance shows its other side, so its triangles are reversed."""
         triangles, corners, turned = self.vertices[self.corners], self.corners, self.matrix[:3, :3]
         if np.linalg.det(turned) < 0:
             triangles, corners = triangles[:, ::-1], corners[:, ::-1]
@@ -181,7 +184,8 @@ class PlacedMesh:
 
 
 def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
-    """All visible meshes of the context's scene as one, with instances and transforms applied; see ``read_mesh``."""
+    """Read all visible meshes of the context's scene as one, with instances and transforms applied; see
+    ``read_mesh``."""
     bpy.context.view_layer.update()
     positions, faces, offset, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0, 0
     uvs: list[tuple[int, Array | None]] = []

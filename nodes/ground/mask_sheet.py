@@ -24,13 +24,13 @@ _LIFT = 0.25
 
 
 def find_sheet(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The sheet of a scene; None without a sheet, and if the number of its vertices was changed by hand."""
+    """Find the sheet of a scene; None without a sheet, or if the number of its vertices was changed by hand."""
     items = (item for item in scene.objects if _MARK in item and item.type == "MESH")
     return next((item for item in items if len(item.data.vertices) == SIDE**2), None)
 
 
 def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -> bpy.types.Object:
-    """The sheet of a scene, laid on a ground over the square with sides of ``size_m`` metres about the origin. An
+    """Lay the sheet of a scene on a ground, over the square with sides of ``size_m`` metres about the origin. An
     existing sheet keeps its weights."""
     sheet = find_sheet(scene)
     if sheet is None:
@@ -57,14 +57,14 @@ def _make_grid() -> bpy.types.Mesh:
 
 
 def _find_highest(heights: Array) -> Array:
-    """The maximum of each value (n, n) and its neighbours."""
+    """Return, for each value of an array (n, n), the maximum of the value and its neighbours."""
     padded = np.pad(heights, 1, mode="edge")
     n = len(heights)
     return np.max([padded[i : i + n, j : j + n] for i in range(3) for j in range(3)], axis=0)
 
 
 def read_shares(sheet: bpy.types.Object, group: str) -> Array:
-    """The weights (SIDE, SIDE) of a vertex group, north first; 0 where a vertex is not in it."""
+    """Read the weights (SIDE, SIDE) of a vertex group, north first; 0 where a vertex is not in it."""
     index = sheet.vertex_groups[group].index
     shares = np.zeros(SIDE**2)
     for k, vertex in enumerate(sheet.data.vertices):

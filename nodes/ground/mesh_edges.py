@@ -1,7 +1,7 @@
-"""The edges of a mesh apart from it, so that a large ground can be read from a file in pieces.
+"""Stores the edges of a mesh apart from it, so that a large ground can be read from a file in pieces.
 
-Blender reads a ground of three million triangles in one call, 0.17 s. Half of its bytes are edges and the edges of
-corners. They come from a file of their own, which any thread can read, and are given to the mesh array by array.
+Blender reads a ground of three million triangles in one call, in 0.17 s. Half of its bytes are edges and the edges of
+corners. They come from a separate file, which any thread can read, and are given to the mesh array by array.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _SELECTIONS = (".select_vert", ".select_edge", ".select_poly")
 
 
 def take_edges(ground: bpy.types.Object) -> dict[str, Array]:
-    """Remove the edges of an object's mesh with their attributes, and return the arrays of these, for ``give_edges``.
-    Do not use the mesh before that.
+    """Remove the edges of an object's mesh with their attributes, and return their arrays for ``give_edges``. Do not
+    use the mesh in between.
 
     A mesh with vertex groups, shape keys, custom normals or attributes of unknown types stays as it is; then the result
     is empty.
@@ -83,12 +83,12 @@ def give_edges(mesh: bpy.types.Mesh, edges: dict[str, Array]) -> Steps[None]:
 
 
 def write_edges(edges: dict[str, Array], path: Path) -> None:
-    """Write what ``take_edges`` returns to a file."""
+    """Write the arrays that ``take_edges`` returns to a file."""
     with path.open("wb") as file:
         np.savez(file, **edges)
 
 
 def read_edges(path: Path) -> dict[str, Array]:
-    """Read what ``write_edges`` has written; any thread may call this."""
+    """Read the arrays that ``write_edges`` has written; any thread may call this."""
     with np.load(path, allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

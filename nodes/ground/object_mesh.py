@@ -1,4 +1,4 @@
-"""The mesh of an object as the 3D View shows it: modifiers applied, with its instances, in metres."""
+"""Reads the mesh of an object as the 3D View shows it: modifiers applied, with its instances, in metres."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from .import_mesh import MAX_TRIANGLES, PlacedMesh
 
 
 def find_metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Metres per unit of length, as the scene shows lengths; 1 where it shows them without a unit."""
+    """Return the metres per unit of length, as the scene shows lengths; 1 where it shows them without a unit."""
     units = scene.unit_settings
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
 def is_shaded_flat(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether most faces of an object, with its modifiers, are shaded flat; False for an object without a mesh."""
+    """Return whether most faces of an object, with its modifiers, are shaded flat; False for an object without a
+    mesh."""
     if item.type != "MESH":
         return False
     mesh = item.evaluated_get(depsgraph).data
@@ -33,13 +34,13 @@ def is_shaded_flat(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bo
 def read_object_mesh(
     item: bpy.types.Object, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
 ) -> tuple[Array, Array]:
-    """``join_meshes`` of an object and its instances."""
+    """Read the mesh of an object and its instances, see ``join_meshes``."""
     return join_meshes(read_placed_meshes(item, depsgraph), find_metres_per_unit(scene), item.name)
 
 
 def read_placed_meshes(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> list[PlacedMesh]:
-    """The meshes of an object and of its instances. Raises IcyMoonError if they have more triangles than a ground may
-    have."""
+    """Read the meshes of an object and of its instances. Raises IcyMoonError if they have more triangles than a ground
+    may have."""
     found, triangles = list[PlacedMesh](), 0
     for instance in depsgraph.object_instances:
         shown_by = instance.parent if instance.is_instance else instance.object
@@ -55,10 +56,10 @@ def read_placed_meshes(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -
 
 
 def join_meshes(meshes: Sequence[PlacedMesh], unit_m: float, name: str) -> tuple[Array, Array]:
-    """Vertices (n, 3), float64, in metres and world coordinates, and triangles (m, 3), int32, of the meshes of the
-    object of this ``name``, where a unit of length is ``unit_m``. Any thread may call this.
+    """Join the meshes of the object of this ``name``, where a unit of length is ``unit_m``. Returns vertices (n, 3),
+    float64, in metres and world coordinates, and triangles (m, 3), int32. Any thread may call this.
 
-    Raises IcyMoonError if they have no area.
+    Raises IcyMoonError if the triangles have no area.
     """
     positions, faces, vertices = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
     for mesh in meshes:

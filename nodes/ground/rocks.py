@@ -44,7 +44,7 @@ def add_instance_label_pass(tree: Tree) -> None:
 def build_shapes(
     name: str, shapes: Sequence[Sequence[RockShape]], used: Array, material: bpy.types.Material
 ) -> list[bpy.types.Object]:
-    """An object for each of the ``shapes[level][shape]`` whose number is in ``used``.
+    """Build an object for each of the ``shapes[level][shape]`` whose number is in ``used``.
 
     The number is level times the number of shapes, plus shape. Objects are in the order of numbers, and so of names.
     """
@@ -68,13 +68,13 @@ def build_shapes(
 
 
 def _add_named_attribute(tree: Tree, label: str, attribute: str, data_type: str) -> bpy.types.NodeSocket:
-    """Output socket of an attribute of points."""
+    """Add a node for an attribute of points, and return its output socket."""
     node = tree.node("GeometryNodeInputNamedAttribute", label, {"Name": attribute}, data_type=data_type)
     return next(socket for socket in node.outputs if socket.enabled)
 
 
 def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
-    """The node group that puts a shape on each point, rotated and scaled by the attributes of the point."""
+    """Build the node group that puts a shape on each point, rotated and scaled by the attributes of the point."""
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     _, result = (
         group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry").identifier
@@ -121,7 +121,7 @@ def build_rocks(
     tag: str,
     shelter: RockShelter | None = None,
 ) -> bpy.types.Object:
-    """The object whose points are the rocks. ``find_rock_parts`` returns the other data-blocks that it needs.
+    """Build the object whose points are the rocks. ``find_rock_parts`` returns the other data-blocks that it needs.
 
     Labels follow the order of the rocks. ``shelter`` is from falling frost. Everything except the object itself gets
     the custom property ``tag``.
@@ -142,7 +142,8 @@ def build_rocks(
 
 
 def _number_shapes(rocks: Rocks, shapes: Sequence[Sequence[RockShape]]) -> tuple[Array, Array]:
-    """The numbers of the shapes that rocks use, see ``build_shapes``, and the position in them of each rock's shape."""
+    """Return the numbers of the shapes that the rocks use, see ``build_shapes``, and the index of each rock's shape
+    among them."""
     used, pick = np.unique(rocks.level * len(shapes[0]) + rocks.shape, return_inverse=True)
     return used, pick
 
@@ -189,7 +190,7 @@ def move_rocks(
 
 
 def _has_shape(mesh: bpy.types.Mesh, shape: RockShape) -> bool:
-    """Whether a mesh of ``build_shapes`` has this shape."""
+    """Return whether a mesh of ``build_shapes`` has this shape."""
     if len(mesh.vertices) != len(shape.vertices) or not has_faces(mesh, shape.triangles):
         return False
     positions, faces = np.empty(shape.vertices.size, np.float32), np.empty(len(shape.face), np.float32)
@@ -199,7 +200,7 @@ def _has_shape(mesh: bpy.types.Mesh, shape: RockShape) -> bool:
 
 
 def find_rock_parts(item: bpy.types.Object, tag: str) -> list[Any]:
-    """Node groups, collections and shape objects that an object of rocks uses; empty for other objects."""
+    """Find the node groups, collections and shape objects that an object of rocks uses; empty for other objects."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
     libraries = [
         socket.default_value

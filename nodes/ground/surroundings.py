@@ -28,12 +28,12 @@ from ...support.number_text import format_count
 _BAND_PIXELS, _BAND_SHARE = 2.0, 0.25
 #: Minimum margin around the patch that holds the whole band, as a share of the fine map's width.
 _MIN_MARGIN = 1 / 16
-#: Width in pixels of the squares of the last map of which half must be known: it has ground within half of that of
-#: known pixels.
+#: Width in pixels of squares of the last map. A square counts if half of it is known, so there is ground up to half
+#: this width from known pixels.
 _GAP_PIXELS = 16.0
 #: Offset between two maps that gives a warning: a tenth of a coarse pixel, and at least a metre.
 _OFFSET_PIXELS, _MIN_OFFSET_M = 0.1, 1.0
-#: Numbers of directions in which the end of the ground is looked for: all around the site, and in the view.
+#: Numbers of directions in which the end of the ground is searched: all around the site, and in the view.
 _ALL_AROUND, _IN_VIEW = 360, 91
 
 
@@ -53,7 +53,7 @@ class MapOfSite:
 
 @dataclass(frozen=True)
 class SurroundedMesh:
-    """The mesh of a patch with its surroundings, lines for the import report, and warnings."""
+    """The ground of a patch with its surroundings, lines for the import report, and warnings."""
 
     surface: SurroundedGround
     report: tuple[str, ...]
@@ -61,7 +61,7 @@ class SurroundedMesh:
 
 
 def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> SurroundedMesh:
-    """The ground of a site with its surroundings, from its map and, if given, a ``coarse`` map.
+    """Make the ground of a site with its surroundings, from its map and, if given, a ``coarse`` map.
 
     Raises IcyMoonError for maps that cannot be laid around the site.
     """
@@ -69,7 +69,7 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
     _refuse_without_map(of, coarse, frame)
     warnings = check_reach(settings, frame, of.path.name)
     pixels = _hold_pixels(of)
-    covers = [pixels.cover if pixels is not None else read_cover(of.path, _require(frame))]
+    covers = [pixels.cover if pixels is not None else read_cover(of.path, _require_frame(frame))]
     if coarse is not None and frame is not None:
         covers.append(read_cover(coarse, frame))
     levels = plan_surroundings(settings, covers)
@@ -90,7 +90,9 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
     radius_m = find_body_radius_m(settings, frame)
     warnings += _warn_of_end(settings, levels, blended.heights_m, radius_m)
     surface = _build(levels, blended.heights_m, radius_m)
-    return SurroundedMesh(surface, tuple(_describe(levels, coarse, blended, wide_m, radius_m)), tuple(warnings))
+    return SurroundedMesh(
+        surface, tuple(_describe_surroundings(levels, coarse, blended, wide_m, radius_m)), tuple(warnings)
+    )
 
 
 def _refuse_without_map(of: MapOfSite, coarse: Path | None, frame: MapFrame | None) -> None:
@@ -109,22 +111,22 @@ def _refuse_without_map(of: MapOfSite, coarse: Path | None, frame: MapFrame | No
         )
 
 
-def _require(frame: MapFrame | None) -> MapFrame:
-    """The frame of a map that ``_refuse_without_map`` has accepted."""
+def _require_frame(frame: MapFrame | None) -> MapFrame:
+    """Return the frame of a map that ``_refuse_without_map`` has accepted."""
     assert frame is not None
     return frame
 
 
 def _hold_pixels(of: MapOfSite) -> MapPixels | None:
-    """The pixels of a map that is completely in memory; None for a map that is not."""
+    """Return the pixels of a map that is completely in memory; None for another map."""
     if not of.whole:
         return None
     return convert_array_to_pixels(of.values, of.surface.pixel_m, of.surface.west_m, of.surface.south_m)
 
 
 def _choose_band_m(covers: list[MapCover], size_m: float) -> float:
-    """Width in metres of the band inside the fine map's edge in which the coarse map takes over. The band lies beside
-    the patch if there is room."""
+    """Choose the width in metres of the band inside the fine map's edge in which the coarse map takes over. The band
+    lies beside the patch if there is room."""
     fine, coarse = covers
     width_m = fine.farthest_m + fine.nearest_m
     band_m = min(_BAND_PIXELS * coarse.pixel_m, _BAND_SHARE * max(width_m, 0.0))
@@ -140,14 +142,14 @@ def _measure_fine(
     wide_m: float,
     settings: Settings,
 ) -> tuple[list[LevelMeans], list[str]]:
-    """The heights of the fine map at each level, and sentences for the user. The patch has the same heights as without
-    surroundings."""
+    """Measure the heights of the fine map at each level. Return them, and sentences for the user. The patch has the
+    same heights as without surroundings."""
     if pixels is not None:
         means = measure_levels(pixels, levels, wide_m)
         said: list[str] = []
     else:
         scale = float(settings.source.height_scale_m)
-        means, said = _read_means(of.path, of, _require(frame), levels, wide_m, scale)
+        means, said = _read_means(of.path, of, _require_frame(frame), levels, wide_m, scale)
     axis = levels[0].axis_m
     heights = of.surface.heights(axis[None, :], axis[:, None], 2 * levels[0].cell_m)
     patch = np.where(np.isfinite(heights), heights, means[0].heights_m)
@@ -157,7 +159,7 @@ def _measure_fine(
 def _read_means(
     path: Path, of: MapOfSite, frame: MapFrame, levels: list[Level], wide_m: float, height_scale: float = 1.0
 ) -> tuple[list[LevelMeans], list[str]]:
-    """The heights of a file at each level, above z = 0 of the site's map, and sentences for the user; see
+    """Read the heights of a file at each level, above z = 0 of the site's map, and sentences for the user; see
     ``read_means``."""
     found = read_means(path, frame, levels, wide_m, of.missing, height_scale)
     means = [LevelMeans(each.heights_m - of.zero_m, each.share) for each in found.levels]
@@ -165,22 +167,23 @@ def _read_means(
 
 
 def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, covers: list[MapCover]) -> list[str]:
-    """A warning if the heights of two maps do not fit together."""
+    """Return a warning if the mean offset between two maps, or their RMS difference without it, suggests other height
+    systems or places; otherwise nothing."""
     if coarse is None or blended.offset_m is None or blended.apart_m is None:
         return []
     most_m = max(_MIN_OFFSET_M, _OFFSET_PIXELS * covers[1].pixel_m)
     if abs(blended.offset_m) <= most_m and blended.apart_m <= most_m:
         return []
     return [
-        f"Where {of.path.name} goes over into {coarse.name}, it is {abs(blended.offset_m):.4g} m "
-        f"{'higher' if blended.offset_m > 0 else 'lower'} on average; this was evened out in {coarse.name}. Then they "
-        f"differ by {blended.apart_m:.3g} m (RMS). More than {most_m:.3g} m suggests other height systems or places; "
-        "check both."
+        f"Where {of.path.name} is blended into {coarse.name}, it is {abs(blended.offset_m):.4g} m "
+        f"{'higher' if blended.offset_m > 0 else 'lower'} on average; {coarse.name} was moved by this offset. After "
+        f"that, the two differ by {blended.apart_m:.3g} m (RMS). More than {most_m:.3g} m suggests that their height "
+        "systems or places differ; check both."
     ]
 
 
 def _warn_of_end(settings: Settings, levels: list[Level], heights_m: list[Array], radius_m: float) -> list[str]:
-    """A warning if the ground ends before the horizon."""
+    """Return a warning if the ground ends before the horizon."""
     rig = settings.rig
     camera = StereoCamera.from_settings(rig)
     half_deg = math.degrees(math.atan2(camera.rendered_px[0] / 2, camera.focal_px))
@@ -213,10 +216,10 @@ def _build(levels: list[Level], heights_m: list[Array], radius_m: float) -> Surr
     return SurroundedGround(positions, faces, 2 * levels[0].half_m, levels[0].cell_m, radius_m)
 
 
-def _describe(
+def _describe_surroundings(
     levels: list[Level], coarse: Path | None, blended: BlendedMaps, wide_m: float, radius_m: float
 ) -> list[str]:
-    """Sentences for the import report."""
+    """Describe the surroundings in sentences for the import report."""
     last = levels[-1]
     said = [
         f"Ground goes on to {last.half_m:.6g} m in {format_count(len(levels) - 1, 'ring')}, with cells of "

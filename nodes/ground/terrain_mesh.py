@@ -34,30 +34,31 @@ _MEASURED_POINTS_PER_SIDE = 513
 
 
 def compute_vertex_spacing_m(terrain: TerrainSettings) -> float:
-    """Distance between neighbouring vertices of the grid in metres."""
+    """Compute the distance between neighbouring vertices of the grid in metres."""
     return terrain.size_m / (terrain.resolution - 1)
 
 
 def shortest_wavelength_m(terrain: TerrainSettings) -> float:
-    """Shortest wavelength in metres that the grid can contain: two vertex spacings."""
+    """Return the shortest wavelength in metres that the grid can contain: two vertex spacings."""
     return 2 * compute_vertex_spacing_m(terrain)
 
 
 def choose_mesh_of_ground(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
-    """Procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
+    """Return procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
     return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
 
 def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
-    """Shortest wavelength in metres that the mesh of ``ground`` can contain at the site."""
+    """Return the shortest wavelength in metres that the mesh of ``ground`` can contain at the site."""
     return ground.site_wavelength_m if isinstance(ground, GradedGround) else shortest_wavelength_m(terrain)
 
 
 @dataclass(frozen=True)
 class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
-    (k, 2) of its mesh. Coarse ground has at most ``most_rocks`` rocks: those that look largest from the site.
-    ``loose_m`` (n,) are the thicknesses of loose material in metres, if they are asked for."""
+    (k, 2) of its mesh. ``loose_m`` (n,) are the thicknesses of loose material in metres, if they are asked for. Coarse
+    ground has at most ``most_rocks`` rocks, namely the rocks that look largest from the site.
+    """
 
     surface: Terrain | GradedGround
     positions: Array
@@ -69,33 +70,37 @@ class MeshedGround:
     loose_m: Array | None = None
 
     def before(self, height_at: HeightAt) -> HeightAt:
-        """A function for the heights of the untouched ground, from ``height_at`` of the mesh."""
+        """Make a function that returns the heights of the untouched ground, from ``height_at`` of the mesh."""
         return height_at
 
     def without_skirts(self, height_at: HeightAt, terrain: TerrainSettings) -> HeightAt:
-        """A function for the heights on which rocks lie, from ``height_at`` of the mesh: those without skirts."""
+        """Make a function that returns the heights of the ground without skirts, on which rocks lie, from ``height_at``
+        of the mesh."""
         if self.surface.skirts is None:
             return height_at
         return lambda x_m, y_m: height_at(x_m, y_m) - self.compute_skirts(x_m, y_m, terrain)
 
     def compute_skirts(self, x_m: Array, y_m: Array, terrain: TerrainSettings) -> Array:
-        """Heights in metres of the skirts above the ground at places (n, …), with the detail of the mesh."""
+        """Compute the heights in metres of the skirts above the ground at places (n, …), with the detail of the
+        mesh."""
         if isinstance(self.surface, GradedGround):
             return self.surface.compute_skirts(x_m, y_m)
         assert self.surface.skirts is not None
         return self.surface.skirts.heights(x_m, y_m, shortest_wavelength_m(terrain))
 
     def find_coarse_heights(self, terrain: TerrainSettings) -> HeightAt:
-        """A function for heights of the ground with the detail that its mesh carries at each place, without reading the
-        mesh. The triangles of coarse ground depart from it by as much as they depart from the ground."""
+        """Make a function that returns the heights of the ground, without reading the mesh, with the detail that the
+        mesh carries at each place. The triangles of coarse ground depart from these heights by as much as they depart
+        from the ground.
+        """
         surface, shortest_m = self.surface, shortest_wavelength_m(terrain)
         if isinstance(surface, PreviewGround):
             return surface.compute_mesh_heights
         return lambda x_m, y_m: surface.heights(x_m, y_m, shortest_m)
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is flat,
-        so that image and depth show the same shape.
+        """Build the smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is
+        flat, so that image and depth show the same shape.
 
         A mesh that the material displaces has no sharp edges. With them, Cycles makes a vertex for each normal at an
         edge and moves these vertices apart, also at all flat faces, so that the ground has holes. The faces beside such
@@ -124,7 +129,7 @@ class MeshedGround:
 
 
 def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
-    """Procedural ground with its mesh, without Blender, so any thread may call it.
+    """Make procedural ground with its mesh, without Blender, so any thread may call this.
 
     Raises ValueError if a height is not finite.
     """
@@ -139,7 +144,7 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
 
 
 def mesh_coarsely(ground: Terrain, settings: Settings, most: int, most_rocks: int) -> MeshedGround:
-    """Procedural ground with a mesh of about ``most`` vertices for a preview, most of them where the cameras look.
+    """Make procedural ground with a mesh of about ``most`` vertices for a preview, most of them where the cameras look.
 
     Raises ValueError if a height is not finite.
     """
@@ -159,12 +164,12 @@ def _mesh_graded(surface: GradedGround) -> MeshedGround:
 
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
-    """A smooth-shaded grid of ``ground``."""
+    """Build a smooth-shaded grid of ``ground``."""
     return build_mesh_from_arrays(name, *make_grid(terrain, ground))
 
 
 def make_grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
-    """Positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
+    """Make the positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
 
     Raises ValueError if a height is not finite.
     """
@@ -183,7 +188,7 @@ def _make_grid_axis(terrain: TerrainSettings) -> Array:
 
 
 def _measure_loose_on_grid(terrain: TerrainSettings, ground: Terrain) -> Array:
-    """Thicknesses (n²,) in metres of loose material at the vertices of ``make_grid``."""
+    """Return the thicknesses (n²,) in metres of loose material at the vertices of ``make_grid``."""
     axis = _make_grid_axis(terrain)
     return ground.measure_loose(axis[None, :], axis[:, None], shortest_wavelength_m(terrain)).ravel()
 
@@ -199,7 +204,7 @@ def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: Array) -> None:
 
 
 def shade_flat(mesh: bpy.types.Mesh, flat: Array) -> None:
-    """Shade the faces of a smooth mesh that are ``flat`` (m,) flat."""
+    """Shade flat the faces of a smooth mesh that ``flat`` (m,) marks."""
     # polygons.foreach_set("use_smooth") does the same, but takes 30 ms for 175 000 faces.
     attribute = mesh.attributes.get("sharp_face") or mesh.attributes.new("sharp_face", "BOOLEAN", "FACE")
     attribute.data.foreach_set("value", np.ascontiguousarray(flat, np.bool_))
@@ -211,7 +216,8 @@ def mark_relief_as_bump(mesh: bpy.types.Mesh) -> None:
 
 
 def read_grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None:
-    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if the mesh has lost that shape."""
+    """Read the heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if the mesh has lost that
+    shape."""
     n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
         return None
@@ -221,13 +227,14 @@ def read_grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array |
 
 
 def sample_patch(ground: Surface) -> Array:
-    """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can contain."""
+    """Sample the heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can
+    contain."""
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED_POINTS_PER_SIDE)
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
 def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughness | None:
-    """The roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
+    """Measure the roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
     if heights is None or min(heights.shape) < 3:
         return None
     spacing = terrain.size_m / (len(heights) - 1)
@@ -237,7 +244,8 @@ def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> 
 
 
 def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
-    """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and the measured ones."""
+    """Describe the statistics of the patch: ``baseline_m``, the values that ``terrain`` settings ask for, and the
+    measured values. Empty if there is no grid to measure."""
     found = measure_patch_roughness(heights, terrain)
     if found is None:
         return {}
@@ -245,7 +253,7 @@ def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -
 
 
 def make_roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
-    """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
+    """Make rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
     The density is given at the wave number 1/distance. The table is empty if there is no grid to measure.
     """
@@ -280,8 +288,10 @@ def make_roughness_table(heights: Array | None, terrain: TerrainSettings) -> lis
 def build_mesh_from_arrays(
     name: str, positions: Array, faces: Array, sharp: Array | None = None, uv: Array | None = None
 ) -> bpy.types.Mesh:
-    """A mesh from float32 positions (n, 3) and int32 faces (m, corners per face), smooth-shaded but along ``sharp``
-    edges (k, 2), with the UV coordinates (m, corners per face, 2) of the corners if there are any."""
+    """Build a mesh from float32 positions (n, 3) and int32 faces (m, corners per face). It is smooth-shaded except
+    along ``sharp`` edges (k, 2). ``uv`` (m, corners per face, 2) are the UV coordinates of its corners, if there are
+    any.
+    """
     mesh = bpy.data.meshes.new(name)
     fill_mesh(mesh, positions, faces)
     if sharp is not None and len(sharp):
@@ -293,7 +303,8 @@ def build_mesh_from_arrays(
 
 
 def _find_edge_triangles(faces: Array, edges: Array) -> Array:
-    """Whether each triangle (m, 3) has one of the edges (k, 2), which go from the lower to the higher vertex."""
+    """Find the triangles (m, 3) that have one of the edges (k, 2), as bool (m,). Edges go from the lower to the higher
+    vertex."""
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
     many = int(faces.max()) + 1
     touches = np.isin(sides[:, 0] * many + sides[:, 1], edges[:, 0] * many + edges[:, 1])
@@ -322,7 +333,7 @@ def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
 
 
 def has_faces(mesh: bpy.types.Mesh, faces: Array) -> bool:
-    """Whether a mesh has these faces (m, corners per face)."""
+    """Return whether a mesh has these faces (m, corners per face)."""
     if len(mesh.loops) != faces.size:
         return False
     corners = np.empty(faces.size, np.int32)

@@ -85,25 +85,25 @@ class UserGround:
     flat: bool = False
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The mesh of the ground, smooth-shaded unless ``flat``."""
+        """Build the mesh of the ground, smooth-shaded unless ``flat``."""
         mesh = build_mesh_from_arrays(name, self.positions, self.faces, uv=self.uv)
         if self.flat:
             shade_flat(mesh, np.ones(len(self.faces), bool))
         return mesh
 
     def find_nearest_height_m(self, x_m: float, y_m: float) -> float:
-        """Height in metres of the vertex that is nearest on the map."""
+        """Return the height in metres of the vertex that is nearest on the map."""
         nearest = np.argmin(np.hypot(self.positions[:, 0] - x_m, self.positions[:, 1] - y_m))
         return float(self.positions[nearest, 2])
 
 
 def is_from_file(settings: Settings) -> bool:
-    """Whether the ground comes from a file."""
+    """Return whether the ground comes from a file."""
     return bool(settings.source.kind != "PROCEDURAL")
 
 
 def find_kind(path: Path) -> str:
-    """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
+    """Find the ``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
     if suffix in gdal_lines.SUFFIXES:
         return "HEIGHT_MAP"  # its import names the command that converts the file to GeoTIFF
@@ -113,12 +113,12 @@ def find_kind(path: Path) -> str:
 
 
 def is_mesh(settings: Settings) -> bool:
-    """Whether the ground is a mesh from a file: the user's own or a stand-in."""
+    """Return whether the ground is a mesh from a file: the user's own or a stand-in."""
     return bool(settings.source.kind in ("MESH", "STAND_IN"))
 
 
 def find_ground_file(settings: Settings) -> Path:
-    """The absolute path of the ground's file. A missing stand-in is made.
+    """Find the absolute path of the ground's file. A missing stand-in is made.
 
     Raises IcyMoonError if the settings name no file, or if a stand-in cannot be written.
     """
@@ -128,7 +128,7 @@ def find_ground_file(settings: Settings) -> Path:
 
 
 def warn_of_cost(settings: Settings) -> list[str]:
-    """A sentence for the user before a ground is loaded that takes long or much memory; otherwise empty."""
+    """Return a warning if loading the ground takes a long time or much memory; otherwise nothing."""
     if settings.source.kind != "MESH":
         return []
     path = find_ground_file(settings)
@@ -158,12 +158,14 @@ def _format_metres(values: Iterable[float]) -> str:
 
 
 def _is_fine(edge_m: float, height_m: float) -> bool:
-    """Whether the median edge of triangles is short enough that a camera at this height sees more than one triangle."""
+    """Return whether the median edge of triangles is short enough that a camera at this height sees more than one
+    triangle."""
     return edge_m <= _UNLIKELY_EDGE * height_m
 
 
 def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
-    """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
+    """Return warnings of unlikely extents. Raises IcyMoonError for impossible extents; a ground ``to_horizon`` may be
+    wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     most = _LARGEST_HORIZON_M if to_horizon else _MAX_SIZE_M
     if to_horizon and widest > most:
@@ -189,7 +191,7 @@ def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_hori
 
 
 def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: float, fix: str) -> list[str]:
-    """A warning of a mesh that is too coarse or too small for a camera at this height above it."""
+    """Return a warning if a mesh is too coarse or too small for a camera at this height above it."""
     widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), halve_edges.edge_length_m(positions, faces)
     if widest >= height_m and _is_fine(edge, height_m):
         return []
@@ -200,7 +202,7 @@ def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: 
 
 
 def rotate_up_axis(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
-    """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
+    """Rotate the vertices of ``read_mesh`` so that ``up_axis`` of the file is z. Return them and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
     axis = usual if up_axis == "AUTO" else up_axis
     if kind == "glTF":
@@ -256,7 +258,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
 def _add_roughness(
     positions: Array, faces: Array, uv: Array | None, settings: Settings
 ) -> tuple[Array, Array, Array | None, str]:
-    """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
+    """Divide a mesh to the vertex spacing of ``terrain``, and displace it along its normals. Return the mesh and a
+    sentence on it."""
     edge = halve_edges.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
     cuts = halve_edges.count_halvings(edge, wanted, len(faces), _MAX_TRIANGLES)
@@ -285,7 +288,7 @@ def _add_roughness(
 
 
 def _warn_of_rounding(path: Path, positions: Array) -> list[str]:
-    """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing.
+    """Return a warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing.
 
     Raises IcyMoonError if no vertex is finite.
     """
@@ -308,7 +311,7 @@ def _warn_of_rounding(path: Path, positions: Array) -> list[str]:
 
 
 def _warn_of_ignored_unit(path: Path, kind: str) -> list[str]:
-    """A warning if this Blender assumes metres for a file of this kind, whatever its stated unit."""
+    """Return a warning if this Blender assumes metres for a file of this kind, whatever its stated unit."""
     if kind != "USD" or compat.applies_usd_unit():
         return []
     return [
@@ -318,7 +321,8 @@ def _warn_of_ignored_unit(path: Path, kind: str) -> list[str]:
 
 
 def _refuse_unusable(path: Path, found: mesh_faults.MeshReport, repair: bool) -> None:
-    """Raise IcyMoonError for a mesh without an area, and for vertices that are nowhere unless ``repair`` is set."""
+    """Raise IcyMoonError for a mesh without an area, and, unless ``repair`` is set, for vertices without finite
+    coordinates."""
     if found.area_m2 <= 0.0 or found.degenerate_faces == found.triangles:
         raise IcyMoonError(f"{path}: none of its {found.triangles} faces has an area; export the mesh again.")
     if found.non_finite_vertices and not repair:
@@ -329,7 +333,7 @@ def _refuse_unusable(path: Path, found: mesh_faults.MeshReport, repair: bool) ->
 
 
 def _find_shift(positions: Array, source: SourceSettings) -> Array:
-    """Vector that moves the vertices so that the origin of the site is where the settings put it."""
+    """Find the vector that moves the vertices so that the origin of the site is where the settings put it."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:
         low, high = positions.min(axis=0), positions.max(axis=0)
@@ -338,7 +342,8 @@ def _find_shift(positions: Array, source: SourceSettings) -> Array:
 
 
 def _describe_place_in_file(moved_m: Iterable[float], unit_m: float = 1.0) -> dict[str, Any]:
-    """The place of the origin in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
+    """Describe the place of the origin in a file without a map, whose coordinates in metres were moved by ``moved_m``
+    (3,)."""
     east, north, up = (-float(value) for value in moved_m)
     return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
 
@@ -350,8 +355,9 @@ def _find_origin_m(source: SourceSettings) -> tuple[float, float]:
 def _place_heights(
     heights: Array, pixel: tuple[float, float], read: import_heights.Heights, source: SourceSettings, size_m: float
 ) -> tuple[HeightMap, tuple[float, float, float], dict[str, Any]]:
-    """A map about the origin of the site, its shift in metres, and its position. The position is from the map's
-    coordinate system, unless the settings state the size of its pixels.
+    """Place a map about the origin of the site. Return the map, its shift in metres, and its position.
+
+    The position is from the map's coordinate system, unless the settings state the size of its pixels.
     """
     if read.place is not None and read.corner_m is not None and not source.metres_per_pixel > 0:
         zero_m = float(np.median(heights)) if source.centre else 0.0
@@ -370,7 +376,7 @@ def _place_heights(
 
 
 def _make_grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
-    """Vertices and faces of a map, on a grid of about this spacing."""
+    """Make the vertices and faces of a map, on a grid of about this spacing."""
     west, east, south, north = surface.bounds_m
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing_m) + 1)) for a, b in ((west, east), (south, north)))
     return height_map.make_grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing_m), x, y)
@@ -429,8 +435,8 @@ def _refuse_ground_off_map(path: Path, surface: HeightMap, size_m: float) -> Non
 
 
 def _describe_map_size(shape: tuple[int, int], heights: Array, pixel: tuple[float, float]) -> str:
-    """Text for the import report: pixels and size of a map of a ``shape`` (rows, columns), and the part that was
-    read."""
+    """Describe, for the import report, the pixels and the size of a map of a ``shape`` (rows, columns), and the part
+    that was read."""
     rows, columns = shape
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != shape)
@@ -438,14 +444,14 @@ def _describe_map_size(shape: tuple[int, int], heights: Array, pixel: tuple[floa
 
 
 def _tell_gaps_filled(source: SourceSettings) -> str:
-    """How the missing heights of a map are filled, as the end of a sentence."""
+    """Describe how the missing heights of a map are filled, as the end of a sentence."""
     if source.surroundings_m > 0 and source.surroundings_file:
         return "was interpolated smoothly, or in wide gaps taken from source.surroundings_file"
     return "was interpolated smoothly"
 
 
 def _add_surroundings(patch: UserGround, of: MapOfSite, settings: Settings) -> UserGround:
-    """The ground of a map with its surroundings in place of its patch alone."""
+    """Replace the patch of a map by the patch with its surroundings."""
     made = surround(of, find_used_files(settings).get("source.surroundings_file"), settings)
     found = made.surface
     return replace(
@@ -460,20 +466,21 @@ def _add_surroundings(patch: UserGround, of: MapOfSite, settings: Settings) -> U
 
 
 def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[str]:
-    """A warning if the map ends nearer to a stated site than half the width of the ground."""
+    """Return a warning if the map ends nearer to a stated site than half the width of the ground."""
     size_m, pixel_m = float(settings.terrain.size_m), max(surface.pixel_m)
     west, east, south, north = surface.bounds_m
     nearest, side = min((-west, "west"), (east, "east"), (-south, "south"), (north, "north"))
     if settings.source.site == "OFFSET" or has_surroundings(settings) or nearest >= size_m / 2 - pixel_m:
         return []
     return [
-        f"{path.name}: ends {nearest:.4g} m {side} of the site by the map's up, and the ground ends there, nearer than "
-        f"half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map that reaches farther."
+        f"{path.name}: ends {nearest:.4g} m {side} of the site, with north up on the map, and the ground ends there. "
+        f"This is nearer than half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map "
+        "that reaches farther."
     ]
 
 
 def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
-    """Metres per pixel (east, north) from the settings, or from the file if they state none."""
+    """Find the metres per pixel (east, north) from the settings, or from the file if they state none."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None or (source.site != "OFFSET" and read.place is None):

@@ -33,7 +33,7 @@ class Contact:
         return any(height <= 0 for height in self.clearances_m.values())
 
     def advice(self) -> list[str]:
-        """Sentences on links other than the scoop that are inside the ground, and on links that overlap."""
+        """Return sentences on links other than the scoop that are inside the ground, and on links that overlap."""
         deep = {link: -height for link, height in self.clearances_m.items() if height < 0 and link != "scoop"}
         said = [
             f"The arm's {link.replace('_', ' ')} is {show_rounded(depth)} m inside the ground; raise "
@@ -48,7 +48,7 @@ class Contact:
 
 
 def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
-    """The contacts of the arm of complete settings; contacts with the ground are with its triangles."""
+    """Find the contacts of the arm of complete settings. On the ground, the arm meets the triangles of the mesh."""
     arm, joints = make_arm(settings, site_m), joint_values(settings)
     ends = np.array([end for line in place_capsules(arm, joints) for end in (line.start, line.end)])
     heights = _make_heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
@@ -58,7 +58,8 @@ def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -
 
 
 def _make_heights_near(terrain: bpy.types.Object, low: Array, high: Array) -> Heights:
-    """Heights of the highest triangle of the ground at points between two corners (2,); NaN outside the ground."""
+    """Make a function for the heights of the highest triangle of the ground at points between two corners (2,); NaN
+    outside the ground."""
     mesh = terrain.data
     mesh.calc_loop_triangles()
     places, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)

@@ -5,7 +5,7 @@ Reflectances of sunlight are 1 less the solar absorptance of such coatings. Clea
 *Spacecraft Thermal Control Handbook*, table A.1); black polyurethane paint 0.95, conducting silver paint 0.37, white
 silicone paint 0.26, Kapton over aluminium 0.40 and polished titanium 0.60 (Fortescue et al. 2011, *Spacecraft Systems
 Engineering*, table 11.3). The surface of a dielectric reflects 0.04 of the light. The share and the width of the gloss,
-and the hues, are chosen: under a black sky a mere mirror is black but for its glints.
+and the hues, are chosen: under a black sky, a perfect mirror is black except for its glints.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _MIN_FROST_COSINE = 0.35
 
 
 def build_materials(frost_share: float) -> dict[str, bpy.types.Material]:
-    """The materials by name, with frost on a share of the surfaces that face up."""
+    """Build the materials by name, with frost on a share of the surfaces that face up."""
     return {name: _build_material(name, finish, frost_share) for name, finish in FINISHES.items()}
 
 
@@ -73,7 +73,8 @@ def _build_material(name: str, finish: _Finish, frost_share: float) -> bpy.types
 
 
 def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
-    """Socket of the normal of creased foil or brushed metal; None for a smooth finish."""
+    """Add the relief of creased foil or brushed metal, and return the socket of its normal; None for a smooth
+    finish."""
     if finish.creases_m == 0.0:
         return None
     cells = tree.node(
@@ -96,7 +97,7 @@ def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
 
 
 def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socket:
-    """Socket of the share of frost: patches on surfaces that face up, no frost on other surfaces."""
+    """Add frost, and return the socket of its share: patches on surfaces that face up, none on other surfaces."""
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
     up = (Number(tree, parts[2]) - _MIN_FROST_COSINE) / (1.0 - _MIN_FROST_COSINE)
     noise = Number(tree, add_noise(tree, "Frost Patches", place, _FROST_PATCH_M, 17.0, 5.0))
@@ -106,5 +107,5 @@ def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socke
 
 
 def _add_finish(tree: Tree, label: str, finish: _Finish, normal: Socket | None) -> Socket:
-    """Shader socket of a finish."""
+    """Add the shader of a finish, and return its socket."""
     return tree.principled(label, (*finish.colour, 1.0), finish.roughness, Metallic=finish.metal, Normal=normal)

@@ -23,7 +23,8 @@ from .materials import build_materials
 
 #: Property of the body: heights in metres of the ground under the pads, relative to the ground under the left camera.
 PADS = "icymoon_pads_m"
-#: Colour of links in a view of vertex colours, which links do not have: grey, which stands for no value of the ground.
+#: Colour of links in a view of vertex colours. Links have none, so they are grey, which stands for no value of the
+#: ground.
 _VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
 _LANDER_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.
@@ -34,13 +35,13 @@ INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}
 
 
 def list_link_keys(settings: Settings) -> dict[str, str]:
-    """The key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by its name."""
+    """Return the key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by the link's name."""
     moving = [link for link in make_arm(settings).links if link not in _LANDER_LINKS]
     return {**{link: link for link in _LANDER_LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
 
 
 def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:
-    """Heights in metres above ``site_m`` of the ground's mesh under the left and the right pad; 0 outside the
+    """Find the heights in metres above ``site_m`` of the ground's mesh under the left and the right pad; 0 outside the
     ground."""
     place = lander_pose(settings, 0.0)
     spots = np.array([place @ [x, y, 0.0, 1.0] for x, y in find_pad_centres(settings.lander)])
@@ -76,7 +77,7 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
 
 
 def find_link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
-    """Pose (4, 4) in the world of each link's frame, in double precision."""
+    """Find the pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = make_arm(settings, site_m), settings.rig
     axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
     head = make_rigid_transform(axes, (rig.x_m, rig.y_m, site_m + rig.height_m))
@@ -97,7 +98,7 @@ def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_
 
 
 def read_pad_heights_m(body: bpy.types.Object) -> list[float]:
-    """Heights in metres of the ground under the pads, for which the legs were made.
+    """Read the heights in metres of the ground under the pads, for which the legs were made.
 
     They are relative to the ground under the left camera.
     """

@@ -44,7 +44,7 @@ STAR_PX = 1.0
 def build_planet(
     name: str, planet: Planet, colour: Array, pixel_rad: float, dip_deg: float, former: bpy.types.Object | None = None
 ) -> bpy.types.Object:
-    """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion, with a limb that is
+    """Build the part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion. Its limb is
     soft over a pixel of ``pixel_rad`` radians.
 
     The mesh is taken from a ``former`` planet of the same disc: only the material depends on the Sun, and cutting the
@@ -66,7 +66,7 @@ def build_planet(
 
 
 def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
-    """The part of the rings above a horizon ``dip_deg`` under the horizontal."""
+    """Build the part of the rings above a horizon ``dip_deg`` under the horizontal."""
     attributes = {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}
     return _build_far_mesh(
         name,
@@ -79,15 +79,15 @@ def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bp
 
 
 def build_moons(name: str, moons: MoonMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
-    """The part of the moons above a horizon ``dip_deg`` under the horizontal. Their distances are in proportion to the
-    planet's, so that moon, rings and planet hide each other as in the sky."""
+    """Build the part of the moons above a horizon ``dip_deg`` under the horizontal. Their distances have the same scale
+    as the planet's distance, so that moon, rings and planet hide each other as in the sky."""
     attributes = {RADIANCE: moons.radiance * colour, TRANSMISSION: moons.transmission}
     material = _build_shining_material(name, colour, attributes)
     return _build_far_mesh(name, DISTANCE_M * moons.vertices, moons.faces, attributes, material, dip_deg)
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
-    """A hexagon for each star, transparent, whose radiance falls linearly from its centre to zero at its rim.
+    """Build a transparent hexagon for each star. Its radiance falls linearly from its centre to zero at its rim.
 
     ``pixel_rad`` is the angle of a pixel in radians. A hexagon of circumradius ρ has the area 3√3/2 ρ², and the mean of
     the radiance is a third of its peak.
@@ -121,8 +121,8 @@ def _build_far_mesh(
     material: bpy.types.Material,
     dip_deg: float,
 ) -> bpy.types.Object:
-    """An object whose mesh has attributes of its vertices and is cut at the horizon. Only the camera sees it. A face of
-    ``faces`` (m, 3 or 4) whose last corner is its first has one corner less."""
+    """Build an object whose mesh has attributes of its vertices and is cut at the horizon. Only the camera sees it. A
+    face of ``faces`` (m, 3 or 4) whose last corner is its first has one corner less."""
     mesh = bpy.data.meshes.new(name)
     kept = np.ones(faces.shape, bool)
     kept[:, -1] = faces[:, -1] != faces[:, 0]
@@ -139,14 +139,14 @@ def _build_far_mesh(
 
 
 def _set_up_far_material(material: bpy.types.Material) -> bpy.types.Material:
-    """The material, which lights nothing and has the label of a planet."""
+    """Set up a material that lights nothing and has the label of a planet, and return it."""
     material.cycles.emission_sampling = "NONE"
     material.pass_index = PLANET
     return material
 
 
 def _hold_far_mesh(name: str, mesh: bpy.types.Mesh) -> bpy.types.Object:
-    """An object of the mesh that only the camera sees."""
+    """Make an object of the mesh that only the camera sees."""
     item = bpy.data.objects.new(name, mesh)
     compat.hide_from_rays(item, from_camera=False)
     return item
@@ -176,7 +176,7 @@ def _cut_below_horizon(mesh: bpy.types.Mesh, slope: float) -> None:
 
 
 def _build_shining_material(name: str, colour: Array, attributes: Mapping[str, Array]) -> bpy.types.Material:
-    """A material that emits a colour times an attribute, and is transparent if there is an attribute for that."""
+    """Build a material that emits a colour times an attribute, and is transparent if there is an attribute for that."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))
     if attributes[RADIANCE].ndim == 1:

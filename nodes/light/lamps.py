@@ -26,7 +26,8 @@ SPREAD = "lamp intensity"  # role of the text with the intensity of lamps by dir
 
 
 def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path | None) -> list[bpy.types.Object]:
-    """Blender's lights for the lamps; those of the place CAMERA are children of the ``camera``. The caller links them.
+    """Build Blender's lights for the lamps. Lamps of the place CAMERA are children of the ``camera``. The caller links
+    them.
 
     ``ies_file`` has the intensity of lamps of the kind IES. Cameras do not see the lamps themselves, because the rays
     for the truth do not hit lamps. Raises IcyMoonError if the file cannot be read.
@@ -46,8 +47,8 @@ def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path |
 
 
 def _make_light(name: str, lamp: Lamp, light: LightSettings, spread: bpy.types.Text | None) -> bpy.types.Light:
-    """A light that sends out the power of a lamp. Inside its cone, a spot in Blender has the intensity of a point light
-    of the same energy, so its energy is larger than its flux."""
+    """Make a light that sends out the power of a lamp. Inside its cone, a spot in Blender has the intensity of a point
+    light of the same energy, so its energy is larger than its flux."""
     source = bpy.data.lights.new(name, "POINT" if lamp.kind == "IES" else lamp.kind)
     compat.disable_light_factors(source)
     source.color = tuple(map(float, sun_colour(float(lamp.temperature_k))))
@@ -85,20 +86,21 @@ def _place(item: bpy.types.Object, lamp: Lamp, camera: bpy.types.Object) -> None
 
 
 def find_lamps(collection: bpy.types.Collection) -> list[bpy.types.Object]:
-    """The lamps of a built collection, in the order of their list."""
+    """Find the lamps of a built collection, in the order of their list."""
     there = find_built_objects(collection)
     return [there[role] for role in ROLES if role in there]
 
 
 def find_lamp_matrix(item: bpy.types.Object) -> Matrix:
-    """The matrix of a lamp in the world, also while its camera is turned for a pair, before Blender evaluates it."""
+    """Find the matrix of a lamp in the world, also while its camera is turned for a pair, before Blender evaluates
+    it."""
     if item.parent is None:
         return item.matrix_basis
     return item.parent.matrix_world @ item.matrix_parent_inverse @ item.matrix_basis
 
 
 def describe_lamps(collection: bpy.types.Collection, light: LightSettings) -> list[dict[str, Any]]:
-    """The entry ``light.lamps`` of ``pair.json``: each lamp in its present state, with its light group."""
+    """Describe each lamp in its present state, with its light group, for the entry ``light.lamps`` of ``pair.json``."""
     found = []
     for item, lamp in zip(find_lamps(collection), light.lamps, strict=False):
         world = np.array(find_lamp_matrix(item), np.float64)

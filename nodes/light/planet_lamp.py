@@ -36,7 +36,7 @@ MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 def build_planet_light(
     name: str, planet: Planet, colour: Array, former: bpy.types.Object | None = None
 ) -> bpy.types.Object:
-    """A Sun lamp with the angular size of the planet's equator, which shines where the planet is sunlit.
+    """Build a Sun lamp with the angular size of the planet's equator, which shines where the planet is sunlit.
 
     A Sun lamp of energy E and angular radius r has the radiance E / (π sin² r) times the strength of its shader. The
     shadow of the rings darkens the whole disc evenly. The lamp of a ``former`` light is kept if only values differ.
@@ -89,7 +89,7 @@ def _fill_tree(tree: Tree, planet: Planet) -> None:
 
 
 def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
-    """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp their light is zero."""
+    """Make the inputs of ``hapke.osl`` for the planet's lamp. Without a lamp, their light is zero."""
     if shine is None or shine.hide_render:
         return {
             "PlanetRadiance": (0.0, 0.0, 0.0, 1.0),
@@ -110,7 +110,8 @@ def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
 
 
 def _add_sunlit(tree: Tree, planet: Planet) -> Socket:
-    """Output socket: cosine of the Sun's zenith distance on the planet in the direction of the light.
+    """Add the cosine of the Sun's zenith distance on the planet in the direction of the light, and return its output
+    socket.
 
     The ray o + t w meets an ellipsoid, which is the unit sphere after space is stretched along the pole.
     """

@@ -34,8 +34,8 @@ _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
 def build_planet_material(
     name: str, planet: Planet, colour: Array, distance_m: float, transmission: str
 ) -> bpy.types.Material:
-    """The material of a mesh about the observer that shows the planet ``distance_m`` metres away. ``colour`` (3,) is
-    the Sun's colour.
+    """Build the material of a mesh about the observer that shows the planet ``distance_m`` metres away. ``colour`` (3,)
+    is the Sun's colour.
 
     ``transmission`` names the attribute of the mesh that has the share of the light from behind that passes.
     """
@@ -98,12 +98,12 @@ class _Globe:
         return 1 / (1 - self.planet.flattening) - 1
 
     def dot(self, label: str, a: Socket, b: Socket | Array) -> Socket:
-        """The dot product of a socket with another socket or a vector."""
+        """Add the dot product of a socket with another socket or a vector, and return its socket."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
         return self.tree.vector("DOT_PRODUCT", label, a, b)
 
     def stretch_along_pole(self, label: str, a: Socket, more: float) -> Socket:
-        """A vector whose part along the pole is longer by a factor 1 + ``more``."""
+        """Make the part of a vector along the pole longer by a factor 1 + ``more``, and return the vector's socket."""
         up = self.tree.scaled(
             f"{label} Pole",
             tuple(map(float, self.planet.pole)),
@@ -112,7 +112,7 @@ class _Globe:
         return self.tree.vector("ADD", label, a, up)
 
     def add_passed(self) -> Value:
-        """The share of the sunlight that the rings let through, or 1."""
+        """Add the share of the sunlight that the rings let through: a socket, or 1 without a shadow of the rings."""
         rise = float(self.planet.sun @ self.planet.pole)
         if not self.planet.rings or abs(rise) < 1e-6:
             return 1.0
@@ -137,7 +137,8 @@ class _Globe:
 
 
 def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
-    """The colour of a place: the pattern of the face times its limb darkening times factors for R, G and B."""
+    """Add the colour of a place, and return its socket: the pattern of the face times its limb darkening times
+    ``factors`` for R, G and B."""
     tree, exponents = globe.tree, face.limb.exponents_at(globe.planet.phase_deg)
     emission = tree.math(
         "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), MIN_COSINE
@@ -161,7 +162,7 @@ def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
 
 
 def _add_bands(globe: _Globe, face: Face) -> Socket:
-    """The reflectance at each latitude."""
+    """Add the reflectance at each latitude, and return its socket."""
     tree = globe.tree
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
     if face.ripple_deg > 0:
@@ -179,7 +180,7 @@ def _add_bands(globe: _Globe, face: Face) -> Socket:
 
 
 def _add_spot(globe: _Globe, spot: Spot, pattern: Socket) -> Socket:
-    """A pattern with an oval spot and its collar added."""
+    """Add an oval spot with its collar to a pattern, and return the new pattern."""
     tree, (middle, east, north) = globe.tree, spot_axes(globe.planet, spot)
     place = tree.combined(
         "Place in the Spot",

@@ -38,8 +38,8 @@ ROLES = ("planet", "planetshine", "rings", "moons", "stars", *LAMP_ROLES)
 
 
 def compute_scene_sky(settings: Settings) -> Sky:
-    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body, and
-    if it is to be that over the site of a map and the map cannot be read."""
+    """Compute the sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another
+    body, or if the sky over the site of a map is wanted and the map cannot be read."""
     check_body(settings)
     folder = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
     place = None
@@ -50,7 +50,7 @@ def compute_scene_sky(settings: Settings) -> Sky:
 
 
 def list_light_settings(settings: Settings) -> list[Any]:
-    """The settings on which the lights depend."""
+    """List the settings on which the lights depend."""
     of_site = [settings.source] if uses_sky_of_site(settings) else []
     of_pixel = [focal_px(settings.rig)] if settings.light.stars or settings.light.planet else []
     of_stars = [settings.dataset.seed] if settings.light.stars else []
@@ -68,8 +68,8 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> Iter
 
 
 def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
-    """Sentences for the user on a dark sky, hills before the Sun, rings and moons that are not shown and
-    stars of wrong brightness."""
+    """Return sentences for the user on a dark sky, hills before the Sun, rings and moons that are not shown, and stars
+    of wrong brightness."""
     light, sentences = settings.light, advise_on_skyline(settings, sky.sun, sky.sun_diameter_deg)
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")

@@ -18,7 +18,7 @@ from ..tree.builder import Tree
 
 
 def build_sun(name: str) -> bpy.types.Object:
-    """A lamp, which ``place_sun`` must set up."""
+    """Build a lamp, which ``place_sun`` must set up."""
     lamp = bpy.data.lights.new(name, "SUN")
     compat.disable_light_factors(lamp)
     return bpy.data.objects.new(name, lamp)
@@ -48,14 +48,14 @@ def place_sun(sun: bpy.types.Object, sky: Sky, colour: Array) -> None:
 
 
 def read_lamp_irradiance_wm2(sun: bpy.types.Object) -> float:
-    """Irradiance in W/m² by the lamp in its present state, without its colour, on a surface at the site's origin that
-    faces it."""
+    """Return the irradiance in W/m² by the lamp in its present state, without its colour, on a surface at the site's
+    origin that faces it."""
     lamp = sun.data
     return float(lamp.energy if lamp.type == "SUN" else lamp.energy / (4.0 * math.pi * sun.location.length_squared))
 
 
 def read_lamp_diameter_rad(sun: bpy.types.Object) -> float:
-    """Diameter in radians of the lamp in its present state, seen from the origin of the site."""
+    """Return the diameter in radians of the lamp in its present state, seen from the origin of the site."""
     lamp = sun.data
     if lamp.type == "SUN":
         return float(lamp.angle)
@@ -63,9 +63,8 @@ def read_lamp_diameter_rad(sun: bpy.types.Object) -> float:
 
 
 def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of the lamp in its present state. ``facts`` and ``source`` describe its setup: the table of
-    ``sky.describe_sky`` and the choice of ``light.directions_from``.
-    """
+    """Read the Sun from the lamp in its present state. ``facts`` and ``source`` describe its setup: the table of
+    ``sky.describe_sky`` and the choice of ``light.directions_from``."""
     direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
     if sun.data.type != "SUN":  # its light comes from its position, whatever its rotation
         direction, distance = sun.location.normalized(), sun.location.length
@@ -79,7 +78,7 @@ def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str)
 
 
 def build_sky(name: str) -> bpy.types.World:
-    """A black world: an airless moon has no light from its sky."""
+    """Build a black world: an airless moon has no light from its sky."""
     world = bpy.data.worlds.new(name)
     tree = Tree(compat.ensure_nodes(world))
     black = tree.node(

@@ -1,4 +1,4 @@
-"""Falling grains or vapour before the ground: a box of an even medium that scatters and absorbs.
+"""Falling grains or vapour in front of the ground: a box of an even medium that scatters and absorbs.
 
 The box is in the scene only while radiance is rendered, so truth, maps and meshes show the ground behind it.
 """
@@ -24,7 +24,7 @@ _BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 
 
 
 def extinction_1_m(veil: VeilSettings) -> float:
-    """Extinction in 1/m: the optical depth per metre of path."""
+    """Compute the extinction in 1/m: the optical depth per metre of path."""
     return float(veil.optical_depth) / float(veil.top_m)
 
 
@@ -52,7 +52,7 @@ def add_veil_temporarily(scene: bpy.types.Scene, veil: VeilSettings, bounces: in
 
 
 def _find_lowest_m(scene: bpy.types.Scene) -> float:
-    """Height in metres of the lowest corner of a box around a mesh of the site, at most 0."""
+    """Find the height in metres of the lowest corner of a box around a mesh of the site, at most 0."""
     scene.view_layers[0].update()
     lows = [0.0]
     for item in scene.objects:
@@ -70,7 +70,7 @@ def _build_box(half_m: float, bottom_m: float, top_m: float) -> bpy.types.Object
 
 
 def _build_medium(veil: VeilSettings) -> bpy.types.Material:
-    """A material without a surface. A share of the extinction is scattering, the rest absorption."""
+    """Build a material without a surface. A share of the extinction is scattering, the rest absorption."""
     material = bpy.data.materials.new(f"{NAME} Veil")
     tree = Tree(compat.ensure_nodes(material))
     density, share = extinction_1_m(veil), (*[float(veil.grain_albedo)] * 3, 1.0)

@@ -41,7 +41,8 @@ def _attribute(tree: Tree, group: str, kind: str, name: str) -> Socket:
 
 
 def _add_terms(tree: Tree) -> list[Any]:
-    """The terms of ``physics.light.baked_rocks`` without the first, which is 1."""
+    """Add the terms of ``physics.light.baked_rocks`` without the first, which is 1, and return their sockets or
+    values."""
     faces = tree.node("ShaderNodeNewGeometry", "Faces of Rock").outputs["Normal"]
     normal = tree.separated("Normal of Rock", faces)
     place = tree.separated("Place on Rock", tree.node("ShaderNodeTexCoord", "Shape of Rock").outputs["Object"])

@@ -23,7 +23,7 @@ _BESIDE_SALT = 2000.0
 
 
 def is_grey(surface: SurfaceSettings) -> bool:
-    """Whether the ground has no colour, even where dirt may lie."""
+    """Return whether the ground has no colour, even where dirt may lie."""
     dirty = surface.dirt != "BLACK" and (surface.trough_dirt != 0.0 or surface.slope_dirt != 0.0)
     return bool(surface.ice_colour == "GREY" and surface.salt_share == 0.0 and not dirty)
 
@@ -98,6 +98,6 @@ def _divide_by_albedo(bands: tuple[float, float, float], albedo: float) -> tuple
 
 
 def _add_mix(tree: Tree, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-    """Output socket of a mixed colour: ``b`` in this ``share`` of the area, ``a`` in the rest."""
+    """Mix two colours, ``b`` in this ``share`` of the area and ``a`` in the rest, and return the output socket."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
     return tree.mixed(label, share, a, b)

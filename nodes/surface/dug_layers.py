@@ -12,18 +12,19 @@ _SURFACE_M, _FRESH_M = 2.0e-4, 1.0e-3
 
 
 def is_shown(excavation: ExcavationSettings) -> bool:
-    """Whether ground that was dug open has another albedo than the surface anywhere."""
+    """Return whether ground that was dug open has another albedo than the surface anywhere."""
     return bool(excavation.fresh_albedo != 1.0 or excavation.layer_thickness_m > 0.0)
 
 
 def find_darkest_layer(excavation: ExcavationSettings) -> float:
-    """The least factor that ``add_dug_brightness`` gives."""
+    """Find the least factor that ``add_dug_brightness`` gives."""
     layer = excavation.layer_albedo if excavation.layer_thickness_m > 0.0 else 1.0
     return float(min(excavation.fresh_albedo, layer, 1.0))
 
 
 def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Socket:
-    """Output socket of the factor on the albedo. The mesh has the attributes ``DEPTH`` and ``SPOIL``.
+    """Add the factor on the albedo of ground that was dug open, and return its output socket. The mesh has the
+    attributes ``DEPTH`` and ``SPOIL``.
 
     Depth changes evenly along a wall, however few vertices it has, so layers have sharp edges on it. Spoil is a mixture
     and has the albedo of fresh ground.
@@ -40,7 +41,7 @@ def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Socket:
 
 
 def _add_layer(tree: Tree, excavation: ExcavationSettings, depth: Socket) -> Socket:
-    """Output socket: 1 in a layer, else 0."""
+    """Add an output socket that is 1 in a layer and 0 elsewhere."""
     below = tree.math("SUBTRACT", "Below the First Top", depth, excavation.layer_depth_m)
     reached = tree.math("GREATER_THAN", "Deep Enough", below, 0.0)
     spacing = max(excavation.layer_spacing_m, excavation.layer_thickness_m) if excavation.layer_spacing_m > 0 else 0.0

@@ -36,9 +36,8 @@ _MIN_COSINE = 0.01
 
 @dataclass(frozen=True)
 class _View:
-    """The entry point of the view into the ice, in spacings, its direction there, and a number that selects the
-    patches.
-    """
+    """A view into the ice: the point where it enters, in spacings, its direction there, and a number that selects the
+    patches."""
 
     place: Vector
     into: Vector
@@ -46,7 +45,8 @@ class _View:
 
 
 def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Socket:
-    """Output socket of the share of a place, as seen from the camera, that shows the veil of a fracture in the ice."""
+    """Add the share of a place, as seen from the camera, that shows the veil of a fracture in the ice. Return its
+    output socket."""
     view = _add_view(tree, surface, geometry, fourth, of_rocks)
     clear: Number = Number(tree, 1.0)
     for which, normal in enumerate(_SET_NORMALS):
@@ -65,7 +65,7 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: floa
         operation="REFRACT",
     ).outputs[0]
     place = tree.scaled("Place in Spacings", geometry.outputs["Position"], 1.0 / surface.fracture_spacing_m)
-    place = _add_bent(tree, place, fourth)
+    place = _add_bent_place(tree, place, fourth)
     if not of_rocks:
         return _View(Vector(tree, place), Vector(tree, into), Number(tree, fourth))
     # Each rock has its own planes.
@@ -88,15 +88,15 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: floa
     return _View(turned[0], turned[1], Number(tree, chance) * 512.0 + fourth)
 
 
-def _add_bent(tree: Tree, place: Socket, fourth: float) -> Socket:
-    """Output socket of a place, moved so that planes are bent. The path of the view stays straight, because planes bend
-    little over one spacing."""
+def _add_bent_place(tree: Tree, place: Socket, fourth: float) -> Socket:
+    """Move a place so that planes are bent, and return its output socket. The path of the view stays straight, because
+    planes bend little over one spacing."""
     field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND_LENGTH, 1.0).outputs["Color"]
     return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_MAX_BEND,) * 3, place)
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
-    """Share of the visible light that a veil on the next plane of a set gives."""
+    """Add the share of the visible light that a veil on the next plane of a set gives."""
     across = Vector(tree, tree.combined(f"Set {which + 1}", *normal))
     slope = view.into.dot(across)
     forward = slope.exceeds(0.0) * 2.0 - 1.0

@@ -42,7 +42,7 @@ _TOO_BRIGHT = 0.005
 
 
 def advise_on_surfaces(settings: Settings) -> list[str]:
-    """Sentences of advice on the surfaces in the scene; empty without a problem."""
+    """Return sentences of advice on the surfaces in the scene; empty without a problem."""
     topics = surface_topics(settings)
     shown = [simplify_surface(settings, topic) for topic in topics]
     # The albedo of rocks that let light through is the albedo of their opaque part; bubbles have their own.
@@ -91,7 +91,7 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
 
 
 def _find_image_files(settings: Settings) -> dict[str, Path | MeshImage]:
-    """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh has none."""
+    """Find the images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh has none."""
     used = find_used_files(settings)
     if settings.textures.set == "STAND_IN":
         return dict(find_texture_files(settings.textures.stand_in))
@@ -117,7 +117,7 @@ def _find_image_files(settings: Settings) -> dict[str, Path | MeshImage]:
 
 
 def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of a ground's mesh; None without textures."""
+    """Load the textures of a ground's mesh; None without textures."""
     textures = settings.textures
     if textures.set == "NONE":
         return None
@@ -134,8 +134,8 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 
 def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, float, float], list[str]]:
-    """The albedo image that lies by its map coordinates: its map, its edges as in ``Textured.placed``, and sentences on
-    the ground that it lacks. Raises IcyMoonError if the ground is on no map, or the image is on none."""
+    """Load the albedo image that lies by its map coordinates. Returns its map, its edges as in ``Textured.placed``, and
+    sentences on the ground that it lacks. Raises IcyMoonError if the ground is on no map, or the image is on none."""
     textures, source = settings.textures, settings.source
     others = [kind for kind in ("roughness", "normal", "transmission", "height") if textures[f"{kind}_file"]]
     if textures.set != "OWN" or not textures.albedo_file or others:
@@ -156,7 +156,7 @@ def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, fl
 
 
 def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
-    """Return sentences on the albedo image: on ground that it lacks, and if it makes this mesh's ground reflect more
+    """Return sentences on the albedo image: on ground that it lacks, and on ground of this mesh that reflects more
     light than it receives."""
     textured = _load_textures(settings, mesh)
     if textured is None or "albedo" not in textured.maps:
@@ -170,14 +170,14 @@ def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
         return lacking
     return [
         *lacking,
-        f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
-        f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
-        f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast.",
+        f"{show_rounded(100 * share)} % of the albedo image reflect more light than they receive, up to "
+        f"{show_rounded(reflected[-1])} times as much, because the albedo of the surface is the mean of the image; "
+        f"lower the albedo to at most {show_rounded(mean / values[-1])}, or choose an image with less contrast.",
     ]
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of rocks; None without textures.
+    """Load the textures of rocks; None without textures.
 
     Rocks have no UV coordinates. If images are mapped by UV and rocks have the surface of the ground, rocks get the
     means of the images over the ground.
@@ -193,14 +193,14 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
 
 
 def _load_painted(settings: Settings, topic: str) -> Painted | None:
-    """The painted masks of a surface that have an effect; None without any."""
+    """Load the painted masks of a surface that have an effect; None without any."""
     used = find_used_files(settings)
     names = {kind: f"{topic}.{kind}_mask_file" for kind in ("dirt", "frost")}
     masks = {kind: load_mask_image(used[name]) for kind, name in names.items() if name in used}
     return Painted(masks, float(settings.terrain.size_m)) if masks else None
 
 
-class _Arguments(NamedTuple):
+class _MaterialArguments(NamedTuple):
     """The arguments of ``ice_material.fill_material`` after the tree."""
 
     surface: SurfaceSettings
@@ -214,9 +214,9 @@ class _Arguments(NamedTuple):
     painted: Painted | None
 
 
-def _describe_ground(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _Arguments:
-    """What ``build_ground_material`` makes the material of."""
-    return _Arguments(
+def _describe_ground(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
+    """Return the arguments from which ``build_ground_material`` makes the material."""
+    return _MaterialArguments(
         simplify_surface(settings, "surface"),
         int(settings.dataset.seed),
         TERRAIN,
@@ -229,28 +229,30 @@ def _describe_ground(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool
     )
 
 
-def _describe_rock(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _Arguments:
-    """What ``build_rock_material`` makes the material of."""
+def _describe_rock(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> _MaterialArguments:
+    """Return the arguments from which ``build_rock_material`` makes the material."""
     topic, textured = "rock_surface" if settings.rocks.own_surface else "surface", _load_rock_textures(settings, mesh)
     surface, painted = simplify_surface(settings, topic), _load_painted(settings, topic)
-    return _Arguments(surface, int(settings.dataset.seed), ROCK, textured, settings, False, albedo_pass, False, painted)
+    return _MaterialArguments(
+        surface, int(settings.dataset.seed), ROCK, textured, settings, False, albedo_pass, False, painted
+    )
 
 
-def _build_named_material(name: str, arguments: _Arguments) -> bpy.types.Material:
+def _build_named_material(name: str, arguments: _MaterialArguments) -> bpy.types.Material:
     material = build_material(f"{NAME} {name}", *arguments)
     material[TAG] = "material"
     return material
 
 
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
-    """The material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
+    """Build the material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
     available."""
     return _build_named_material("Surface", _describe_ground(settings, mesh, albedo_pass))
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
-    """The material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is
-    not available."""
+    """Build the material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a
+    texture is not available."""
     ice = _build_named_material("Rock Surface", _describe_rock(settings, mesh, albedo_pass))
     add_instance_label_pass(Tree(ice.node_tree, keep=True))
     return ice
@@ -268,7 +270,7 @@ def follow_ground_material(material: bpy.types.Material, settings: Settings, mes
 
 
 def follow_rock_material(material: bpy.types.Material, settings: Settings, mesh: bpy.types.Mesh) -> bool:
-    """As ``follow_ground_material``, for the material of rocks."""
+    """Give the unedited material of rocks the values for other settings, as ``follow_ground_material`` does."""
     arguments = _describe_rock(settings, mesh)
     try:
         fill_material(material, FollowedTree(material.node_tree, without=LABEL_NODES), *arguments)

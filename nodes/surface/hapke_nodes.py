@@ -31,11 +31,11 @@ class Grains:
 
 
 def add_brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  # noqa: E741
-    """Radiance divided by irradiance on the surface, in 1/sr.
+    """Add the BRDF, in 1/sr: the radiance divided by the irradiance on the surface.
 
     n, l and v are unit vectors, with l on the side of n. If a shading normal n points away from v although the facet is
-    visible, the result is that for a grazing view. ``blur`` is the mean distance of points on the source's disc from
-    its centre, as the tangent of half the angle.
+    visible, the result is for a grazing view. ``blur`` is the mean distance of points on the source's disc from its
+    centre, as the tangent of half the angle.
     """
     mu0, mu = n.dot(l).at_least(1e-6).named("µ0"), n.dot(v).at_least(1e-6).named("µ")
     single = backscatter = Number(n.tree, 1.0)
@@ -109,7 +109,7 @@ def _add_roughness(
     mu_f: Number,
     tan_theta: Number,
 ) -> tuple[Number, Number, Number]:
-    """Both effective cosines without their common factor χ, and S mu_n mu_f / (µ0 χ)."""
+    """Add both effective cosines without their common factor χ, and S mu_n mu_f / (µ0 χ)."""
     l_t, v_t = l.cross(n), v.cross(n)
     p, s = l_t.unit(), v_t.unit()
     apart, together = p.distance(s), (p + s).length().at_least(1e-7)

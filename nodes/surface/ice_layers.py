@@ -46,7 +46,8 @@ CRUST_GRAIN = 0.15
 
 
 def apply_bubble_albedo(surface: SurfaceSettings) -> SurfaceSettings:
-    """``surface`` settings with the albedo of their bubbles, the mean of the bands; unchanged without bubbles."""
+    """Return ``surface`` settings with the albedo of their bubbles, as the mean of the bands; unchanged without
+    bubbles."""
     if surface.model != "PRINCIPLED" or surface.bubble_share == 0.0:
         return surface
     bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
@@ -54,7 +55,7 @@ def apply_bubble_albedo(surface: SurfaceSettings) -> SurfaceSettings:
 
 
 def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Socket:
-    """Output socket of the albedo, by band, of ice with the bubbles of ``surface`` settings.
+    """Add the albedo, by band, of ice with the bubbles of ``surface`` settings, and return its output socket.
 
     In bands the share f of bubbles varies by equal factors up and down. The albedo A in each colour band then is a
     power of its value at the mean share, since ln A is proportional to √((1 - f) / f).
@@ -88,7 +89,7 @@ def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Node, four
 
 
 def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -> tuple[Any, Any]:
-    """Sockets of the surface and of the volume of clear ice that light passes through.
+    """Add clear ice that light passes through, and return the sockets of its surface and its volume.
 
     Rays that meet it directly or through a mirror are refracted. Light for other ground passes straight through, as no
     lamp is found through a refracting surface. The surface reflects the same share of this light, to all sides, as of
@@ -121,9 +122,10 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
 def add_frost_share(
     tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0, marked: bool = False
 ) -> Socket:
-    """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
-    faces. ``mask`` multiplies it. ``marked`` is whether the mesh is the ground, which may have the attribute
-    ``SHELTERED``; rocks may have others."""
+    """Add the share of a place that is frost, and return its output socket. The share is large on level ground and on
+    top of rocks, and 0 on steep faces. ``mask`` multiplies the share. ``marked`` is whether the mesh is the ground,
+    which may have the attribute ``SHELTERED``; rocks may have others.
+    """
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     if surface.frost_from == "FALL":
         frosted = _add_fallen_patches(tree, _add_fallen_share(tree, surface, geometry, marked), field)
@@ -137,7 +139,7 @@ def add_frost_share(
 
 
 def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, marked: bool) -> Number:
-    """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, in the mean over patches."""
+    """Add the share of ``physics.surfaces.fallen_frost.fallen_share``, as the mean over patches."""
     normal, origin = geometry.outputs["True Normal"], find_origin(surface)
     toward = Number(tree, tree.vector("DOT_PRODUCT", "Toward the Origin", normal, origin))
     received = toward.at_least(0.0) * (1.0 / origin[2])
@@ -149,7 +151,8 @@ def _add_fallen_share(tree: Tree, surface: SurfaceSettings, geometry: Node, mark
 
 
 def _add_rock_shelter(tree: Tree, geometry: Node) -> Socket:
-    """Output socket of the share of grains that others keep from a rock, see ``rays.rock_exposure``."""
+    """Add the share of grains that other ground and rocks keep from a rock, see ``rays.rock_exposure``. Return its
+    output socket."""
     slope = tree.attribute("Shelter's Slope", ROCK_SHELTER_SLOPE, "Vector", "INSTANCER")
     level = Number(tree, tree.attribute("Shelter's Level", ROCK_SHELTER, kind="INSTANCER"))
     rise = Number(tree, tree.vector("DOT_PRODUCT", "Rise of Shelter", slope, geometry.outputs["Position"]))
@@ -157,27 +160,28 @@ def _add_rock_shelter(tree: Tree, geometry: Node) -> Socket:
 
 
 def _add_fallen_patches(tree: Tree, share: Number, field: Socket) -> Socket:
-    """Output socket of patches of noise ``field`` that cover a ``share`` of the area. With a share of 1 they cover all,
-    with 0 nothing. Their edges are soft, but no wider than keeps the mean."""
+    """Turn noise ``field`` into patches that cover a ``share`` of the area, and return their output socket. With a
+    share of 1 they cover everything, with 0 nothing. Their edges are soft, but narrow enough to keep the mean."""
     edge = share.at_most(1.0 - share).at_most(_FALLEN_EDGE).at_least(_SHARPEST_EDGE)
     ahead = share.times_plus(1.0 + 2.0 * _SHARPEST_EDGE, -_SHARPEST_EDGE) - add_share_below(tree, field)
     return tree.ramp("Fallen Frost", (ahead / edge).value, -1.0, 1.0, smooth=True)
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
-    """Output socket of the share of a place that is crust: 0 or 1, with values between at the edge of a crust."""
+    """Add the share of a place that is crust, and return its output socket: 0 or 1, with values between at the edge of
+    a crust."""
     field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
     limit, edge = find_threshold(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
     return tree.ramp("Crusted", field, limit - edge, limit + edge)
 
 
 def smooth_under_crust(tree: Tree, crusted: Socket, height: Socket | None) -> Socket | None:
-    """Output socket of a height of fine relief, lower under a crust; None if there is no relief."""
+    """Lower a height of fine relief under a crust, and return its output socket; None without relief."""
     if height is None:
         return None
     return (Number(tree, height) * (1.0 - Number(tree, crusted) * (1.0 - CRUST_GRAIN))).value
 
 
 def add_crust_height(tree: Tree, surface: SurfaceSettings, crusted: Socket) -> Socket:
-    """Output socket of the height in metres of a crust above the snow beside it."""
+    """Add the height in metres of a crust above the snow beside it, and return its output socket."""
     return (Number(tree, crusted) * surface.crust_height_m).value

@@ -47,14 +47,14 @@ _CRUST_SPECULAR = 0.25
 
 
 def _add_product(tree: Tree, label: str, a: Socket | None, b: Socket | None) -> Socket | None:
-    """Output socket of the product of two colours. None is white."""
+    """Multiply two colours, where None is white, and return the output socket; None for white."""
     if a is None or b is None:
         return b if a is None else a
     return tree.vector("MULTIPLY", label, a, b)
 
 
 def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Value, colour: Socket | None) -> Value:
-    """The reflectance albedo x grey x colour: a number, or the output socket of a colour."""
+    """Add the reflectance, albedo x grey x colour: a number, or the output socket of a colour."""
     albedo = surface.albedo
     if isinstance(grey, float) and colour is None:
         return albedo * grey
@@ -72,7 +72,8 @@ def _add_fine_height(
     pieces: Sampler | None,
     textured: Textured | None,
 ) -> Socket | None:
-    """Output socket of the height in metres of grain and height image, with a mean of 0; None if there is neither."""
+    """Add the height in metres of grain and height image, with a mean of 0. Return its output socket; None if there is
+    neither."""
     grain = None
     if surface.grain_amplitude_m > 0.0:
         about_0 = add_grain(tree, where, surface.grain_size_m, place)
@@ -82,7 +83,8 @@ def _add_fine_height(
 
 
 def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | None) -> Socket | None:
-    """Output socket of the height in metres of the height image, with a mean of 0; None without a height image."""
+    """Add the height in metres of the height image, with a mean of 0. Return its output socket; None without a height
+    image."""
     if pieces is None or textured is None or "height" not in textured.maps:
         return None
     of = textured.maps["height"]
@@ -101,9 +103,9 @@ def _add_sum(tree: Tree, a: Socket | None, b: Socket | None) -> Socket | None:
 def _add_snow(
     tree: Tree, label: str, surface: SurfaceSettings, wanted: Value, varied: Mapping[str, Any], normal: Socket | None
 ) -> Socket:
-    """Shader socket of a Principled surface with the reflectance ``wanted``, a number or a socket.
+    """Add a Principled surface with the reflectance ``wanted``, a number or a socket, and return its shader socket.
 
-    ``varied`` has sockets for some of its inputs, ``normal`` is one or None.
+    ``varied`` has sockets for some of its inputs, ``normal`` is a socket or None.
     """
     radius = surface.subsurface_radius_m
     if isinstance(wanted, (int, float)):
@@ -135,7 +137,7 @@ def _add_principled(
     normal: Socket | None,
     smooth: bool,
 ) -> Socket:
-    """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
+    """Add Principled ice, and return its shader socket. If ``smooth``, only camera rays see its relief."""
     seen = _add_snow(tree, label, surface, wanted, varied, normal)
     if not smooth or normal is None:
         return seen
@@ -168,8 +170,8 @@ class _PatternOffsets:
 
     @property
     def glints(self) -> float:
-        """The offset of the glints: a multiple of 64, so that different offsets differ by more than the octaves'
-        number."""
+        """Offset of the glints: a multiple of 64, so that different offsets differ by more than the number of
+        octaves."""
         return math.floor(self.salt) * 64.0
 
 
@@ -190,7 +192,7 @@ class _Ice:
     marked: bool = False  # whether the mesh may have the attributes of the ground
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
-        """Shader socket of ice with ``surface`` settings, except for their albedo."""
+        """Add ice with ``surface`` settings, except for their albedo, and return its shader socket."""
         shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.normal, self.smooth)
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
             return shader
@@ -209,7 +211,8 @@ class _Ice:
 
 
 def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any, Any]:
-    """Sockets of the shader, and of the volume or None, of Principled ice with the layers of its settings."""
+    """Add Principled ice with the layers of its settings. Return the sockets of its shader, and of its volume or
+    None."""
     tree, surface, volume = ice.tree, ice.surface, None
     through = of_rocks and principled.lets_light_through(surface)
     if through:
@@ -243,7 +246,7 @@ def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any,
 def _list_varying_images(
     surface: SurfaceSettings, settings: Settings | None, textured: Textured | None
 ) -> tuple[str, ...]:
-    """Kinds of images that vary inputs of the surface's reflectance law."""
+    """List the kinds of images that vary inputs of the surface's reflectance law."""
     if surface.model == "PRINCIPLED":
         return "roughness", "transmission"
     varies = settings is not None and surface.model == "HAPKE" and settings.hapke.theta_bar_range_deg != 0.0
@@ -251,7 +254,7 @@ def _list_varying_images(
 
 
 def _add_slopes(tree: Tree, hapke: HapkeSettings, image: bpy.types.Image, mean: float) -> reflectance_laws.Slopes:
-    """Hapke's θ̄ as varied by the values of a roughness image with the given ``mean``."""
+    """Add Hapke's θ̄ as varied by the values of a roughness image with the given ``mean``."""
     middle, span = math.radians(hapke.theta_bar_deg), math.radians(hapke.theta_bar_range_deg)
     most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
     low, high = (min(max(middle + span * (end - mean), 0.0), most) for end in ((0.0, 1.0) if span > 0 else (1.0, 0.0)))
@@ -267,7 +270,7 @@ def _add_law(
     smooth: bool,
     least: float,
 ) -> dict[str, Any]:
-    """Shader sockets of a law other than Principled, by the renderer that they are for.
+    """Add a law other than Principled, and return its shader sockets by the renderer that they are for.
 
     ``least`` is the least factor on the albedo.
     """
@@ -356,7 +359,8 @@ class _Material:
                 self._varied[kind] = self.tree.separated(kind.title(), sampled)[of.channel]
 
     def add_brightness(self, dug: bool) -> None:
-        """Multiply the albedo by patches, ground that was dug open, a group of the user's, and faces of rocks."""
+        """Multiply the albedo by the factors of patches, of ground that was dug open, of the user's own node group, and
+        of the faces of rocks."""
         tree, surface = self.tree, self._surface
         self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, self._of_terrain, self._dirt_mask)
         self._least = find_darkest_factor(surface)
@@ -425,7 +429,8 @@ class _Material:
             ).outputs[0]
 
     def _add_heights(self, by_fineness: bool) -> tuple[Any, Any]:
-        """Sockets of the heights that move vertices and that bend normals, in metres; None for no such heights."""
+        """Add the heights in metres that move vertices and that bend normals, and return their sockets; None for a
+        height that is absent."""
         where, surface = self._geometry.outputs["Position"], self._surface
         if surface.relief == "REAL" and by_fineness and surface.grain_amplitude_m > 0.0:
             moved, painted = add_grain_by_fineness(self.tree, surface, where, self._at.grain)
@@ -443,14 +448,15 @@ class _Material:
             self.tree.surface(shader, label, target, Displacement=self._displacement, Volume=self._volume)
 
     def _add_emission(self, shader: Socket) -> Socket:
-        """Shader socket of a surface that gives light too. Rays find it, and no lamp is looked for on the ground."""
+        """Let a surface give light too, and return its shader socket. Rays find this light, and no lamp is looked for
+        on the ground."""
         self.material.cycles.emission_sampling = "NONE"
         light = self.tree.emission("Emitted Light", WHITE, self._find_emitted())
         both = {"Shader": shader, "Shader_001": light}
         return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
 
     def _find_emitted(self) -> Value:
-        """The emitted radiance: a number, or an output socket if only hollows emit light."""
+        """Return the emitted radiance: a number, or an output socket if only hollows emit light."""
         everywhere = float(self._surface.emitted_w_m2_sr)
         if self._surface.emitted_from == "EVERYWHERE":
             return everywhere
@@ -493,7 +499,8 @@ class _Material:
         return self._settings is not None and only_camera_meets_relief(self._surface, self._settings.quality)
 
     def add_passes(self, albedo_pass: bool) -> None:
-        """Add the outputs of the passes: the geometric normal, if asked the albedo and the salt, and baked light."""
+        """Add the outputs of the passes: the geometric normal, baked light and, if asked for, the albedo and the
+        salt."""
         tree, surface, settings = self.tree, self._surface, self._settings
         tree.value_pass("Geometric Normal", NORMAL_AOV, self._geometry.outputs["True Normal"])
         if albedo_pass:
@@ -532,14 +539,17 @@ def build_material(
     dug: bool = False,
     painted: Painted | None = None,
 ) -> bpy.types.Material:
-    """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
+    """Build a material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     Laws that depend on the Sun need the ``settings`` of the whole scene. ``semantic`` is the label in the
-    material-index pass. Fine relief is bump, so that the true depth is the depth of the mesh, or it displaces the
-    vertices. Relief of the kind REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``; otherwise
-    it is bump. The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the
-    bump. With ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is
-    whether the mesh has the attributes of an excavation. ``painted`` are masks of dirt and frost.
+    material-index pass. ``dug`` is whether the mesh has the attributes of an excavation. ``painted`` are masks of dirt
+    and frost.
+
+    Fine relief is bump, so that the true depth is the depth of the mesh, or it displaces the vertices. Relief of the
+    kind REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``; otherwise it is bump.
+
+    The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
+    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``.
     """
     material = bpy.data.materials.new(name)
     material.pass_index = semantic

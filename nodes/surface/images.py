@@ -85,9 +85,11 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
 def load_placed_map(
     path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0
 ) -> tuple[Map, tuple[float, float, float, float], list[str]]:
-    """An image that lies over the ground of a site by its map coordinates, and beyond the ground as ``read_map_image``
-    states. Returns its map with the mean over the ground; its west and south edge, width and height in metres in the
-    frame of the site; and sentences on its gaps. Raises IcyMoonError if the image is missing or not over the ground."""
+    """Load an image that lies over the ground of a site by its map coordinates, and beyond the ground as
+    ``read_map_image`` states. Returns its map with the mean over the ground; its west and south edge, width and height
+    in metres in the frame of the site; and sentences on its gaps. Raises IcyMoonError if the image is missing or not
+    over the ground.
+    """
     if not path.is_file():
         raise IcyMoonError(f"{path}: there is no such file; check textures.albedo_file.")
     state = path.stat()
@@ -113,7 +115,7 @@ def load_mask_image(path: Path) -> Map:
 
 
 def _pack_grey(name: str, from_south: Array) -> bpy.types.Image:
-    """An image of floats (rows, columns) with these linear values, row 0 southernmost."""
+    """Make an image of floats (rows, columns) with these linear values, row 0 southernmost."""
     rows, columns = from_south.shape
     image = bpy.data.images.new(name, columns, rows, float_buffer=True, is_data=True)
     pixels = np.ones((rows, columns, 4), np.float32)
@@ -141,7 +143,8 @@ def reuse_images() -> None:
 
 
 def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
-    """The maps with new means, over the parts of the images that are on the mesh by its UV coordinates.
+    """Measure the means of maps anew, over the parts of the images that are on the mesh by its UV coordinates. Return
+    the maps.
 
     Less than half of a baked image may be on the surface, and the rest is often black.
     """
@@ -168,7 +171,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
 
 
 def measure_brightness_percentiles(of: Map) -> Array:
-    """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
+    """Measure the percentiles 0, 1, ... 100 of the brightest band of an image's pixels, as linear values (101,)."""
     key = of.image[_KEY_PROPERTY]
     if key not in _measured_brightness:
         values = _to_linear(of.image, _read_pixels(of.image)).max(axis=-1)
@@ -177,7 +180,7 @@ def measure_brightness_percentiles(of: Map) -> Array:
 
 
 def _find_map(key: str) -> Map | None:
-    """The map whose image has this ``key``; None if no image has it."""
+    """Find the map whose image has this ``key``; None if no image has it."""
     image = next((image for image in bpy.data.images if image.get(_KEY_PROPERTY) == key), None)
     return Map(image, tuple(image[_MEAN_PROPERTY])) if image else None
 
@@ -221,7 +224,8 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
 
 
 def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
-    """An image from a file, or from bytes within one. Raises IcyMoonError if it has no size that Blender may load."""
+    """Load an image from a file, or from bytes within a file. Raises IcyMoonError if it has no size that Blender may
+    load."""
     fix = f"give a PNG, JPEG, TIFF or EXR as {name}"
 
     def check(foreign: ForeignBytes) -> None:
@@ -238,7 +242,7 @@ def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
 
 
 def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
-    """An image from bytes within a file, packed into the .blend."""
+    """Make an image from bytes within a file, packed into the .blend."""
     image = bpy.data.images.new(f"{source.file.name} {source.place}", 1, 1)
     image.pack(data=data, data_len=len(data))
     image.source = "FILE"
@@ -246,7 +250,8 @@ def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
 
 
 def _measure_mean(path: Path, name: str, image: bpy.types.Image) -> Array:
-    """Mean (3,) of an image's linear values. Raises IcyMoonError if it has no pixels or if values are not finite."""
+    """Measure the mean (3,) of an image's linear values. Raises IcyMoonError if it has no pixels or if values are not
+    finite."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)
@@ -259,7 +264,7 @@ def _measure_mean(path: Path, name: str, image: bpy.types.Image) -> Array:
 
 
 def _read_pixels(image: bpy.types.Image) -> Array:
-    """Stored pixels (rows, columns, channels) of an image, with row 0 at the bottom."""
+    """Read the stored pixels (rows, columns, channels) of an image, with row 0 at the bottom."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
@@ -267,7 +272,7 @@ def _read_pixels(image: bpy.types.Image) -> Array:
 
 
 def _to_linear(image: bpy.types.Image, pixels: Array) -> Array:
-    """Linear values (..., 3) of pixels (..., channels) of an image."""
+    """Convert pixels (..., channels) of an image to linear values (..., 3)."""
     values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if image.colorspace_settings.name == "sRGB" and not image.is_float:
         values = from_srgb(values)

@@ -26,7 +26,7 @@ _BOUND = "Own Factor at Least"
 
 
 def add_own_factor(tree: Tree, name: str, geometry: Node) -> Socket:
-    """Output socket of the factor of the group ``name``, within its bounds.
+    """Add the group ``name``, and return the output socket of its factor, held within its bounds.
 
     Raises IcyMoonError if the window's file has no such group. A process without a window makes a stand-in.
     """
@@ -40,7 +40,7 @@ def add_own_factor(tree: Tree, name: str, geometry: Node) -> Socket:
 
 
 def explain_unusable_group(name: str) -> str:
-    """Why the open file has no group ``name`` that keeps the contract, in a sentence; empty if it has one."""
+    """Explain in a sentence why the open file has no group ``name`` that keeps the contract; empty if it has one."""
     group = bpy.data.node_groups.get(name)
     if group is None:
         return (
@@ -68,7 +68,7 @@ def connect_own_groups(materials: Iterable[bpy.types.Material | None]) -> None:
 
 
 def refuse_stand_ins(materials: Iterable[bpy.types.Material | None]) -> None:
-    """Raise IcyMoonError if a material has a stand-in: its albedo is not that of the settings."""
+    """Raise IcyMoonError if a material has a stand-in, whose albedo is not the albedo of the settings."""
     for node in list_own_nodes(materials):
         if is_stand_in(node.node_tree):
             name = node.node_tree[_NAME] if node.node_tree is not None else ""
@@ -79,7 +79,7 @@ def refuse_stand_ins(materials: Iterable[bpy.types.Material | None]) -> None:
 
 
 def _find_group(name: str) -> bpy.types.NodeTree | None:
-    """The group of the open file, if it keeps the contract."""
+    """Find the group of the open file that keeps the contract; None without one."""
     return None if explain_unusable_group(name) else bpy.data.node_groups[name]
 
 
@@ -94,7 +94,7 @@ def _make_stand_in(name: str) -> bpy.types.NodeTree:
 
 
 def _connect(tree: bpy.types.NodeTree, node: Node, group: bpy.types.NodeTree) -> None:
-    """Let a node have the group, and link its sockets to the geometry and to the bound of the factor."""
+    """Let a node use the group, and link its sockets to the geometry and to the bound of the factor."""
     node.node_tree = group
     group.use_fake_user = True  # a group outlives its materials, which every build makes anew
     geometry = next(each for each in tree.nodes if each.type == "NEW_GEOMETRY")

@@ -76,7 +76,8 @@ class Grains:
 
 
 def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
-    """Choose whether Hapke's law uses OSL, and its level; add a sentence if they differ from the settings.
+    """Choose whether Hapke's law uses OSL, and its level. Return both, and a sentence if they differ from the settings,
+    else an empty text.
 
     Raises IcyMoonError if the settings require OSL and it is not available.
     """
@@ -103,7 +104,7 @@ def _uses_law(settings: Settings, model: str) -> bool:
 
 
 def uses_hapke(settings: Settings) -> bool:
-    """Whether the ground or the rocks reflect by Hapke's law."""
+    """Return whether the ground or the rocks reflect by Hapke's law."""
     return _uses_law(settings, "HAPKE")
 
 
@@ -112,14 +113,15 @@ OF_NODES = "Hapke of nodes"
 
 
 def describe_osl_substitute(settings: Settings) -> str:
-    """A text for the scene's identity if nodes replace OSL here, which the settings do not determine; else empty."""
+    """Return a text for the scene's identity if nodes replace OSL here, on which the settings say nothing; else
+    empty."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
     of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]
     return "" if of_osl else OF_NODES
 
 
 def advise_on_hapke(settings: Settings) -> list[str]:
-    """Sentences of advice on a Hapke surface. Raises IcyMoonError if it, or snow of OSL, cannot be built."""
+    """Return sentences of advice on a Hapke surface. Raises IcyMoonError if it, or snow of OSL, cannot be built."""
     if _uses_law(settings, "SNOW") and settings.hapke.backend == "OSL":
         choose_backend(settings.hapke, settings.quality.device)
     if not uses_hapke(settings):
@@ -130,7 +132,7 @@ def advise_on_hapke(settings: Settings) -> list[str]:
 
 
 def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
-    """Normal, direction to the Sun, and direction to the viewer."""
+    """Return the normal, the direction to the Sun, and the direction to the viewer."""
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
     toward_sun = tree.combined(DIRECTION, *sun.direction)
@@ -150,7 +152,7 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
 
 
 def _add_reflectance(ground: Ground, label: str, weight: Number) -> Triple:
-    """A reflectance times the ground's colour: a colour, or its output socket."""
+    """Multiply a reflectance by the ground's colour, and return the colour or its output socket."""
     value = weight.value
     if ground.colour is not None:
         return ground.tree.scaled(f"{label} Colour", ground.colour, value)
@@ -158,12 +160,13 @@ def _add_reflectance(ground: Ground, label: str, weight: Number) -> Triple:
 
 
 def _add_diffuse(ground: Ground, label: str, weight: Number) -> Socket:
-    """Shader socket of Lambert's law with this reflectance times the ground's colour."""
+    """Add Lambert's law with this reflectance times the ground's colour, and return its shader socket."""
     return ground.tree.diffuse(label, _add_reflectance(ground, label, weight), ground.normal)
 
 
 def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Socket:
-    """Shader socket of the diffuse closure with the weight ``lit`` where the Sun is above the surface, else ``other``.
+    """Add the diffuse closure with the weight ``lit`` where the Sun is above the surface, else ``other``. Return its
+    shader socket.
 
     Cycles does not evaluate the nodes of the side that it does not need.
     """
@@ -176,7 +179,7 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
 
 
 def mix_by_camera_ray(tree: Tree, seen: Socket, other: Socket) -> Socket:
-    """Shader socket of the closure ``seen`` for camera rays, and ``other`` for all other rays.
+    """Use the closure ``seen`` for camera rays, and ``other`` for all other rays. Return the shader socket.
 
     Cycles does not evaluate the nodes of the side that it does not need.
     """
@@ -185,7 +188,8 @@ def mix_by_camera_ray(tree: Tree, seen: Socket, other: Socket) -> Socket:
 
 
 def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Socket:
-    """Shader socket of Lambert's law. If ``smooth``, only camera rays see the ground's normal with its relief."""
+    """Add Lambert's law, and return its shader socket. If ``smooth``, only camera rays see the ground's normal with its
+    relief."""
     colour = _add_reflectance(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
     seen = ground.tree.diffuse("Lambert", colour, ground.normal)
     if not smooth or ground.normal is None:
@@ -194,7 +198,7 @@ def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Socket:
 
 
 def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Socket:
-    """Shader socket of ``physics.surfaces.photometry.lunar_lambert``."""
+    """Add ``physics.surfaces.photometry.lunar_lambert``, and return its shader socket."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).named("µ0"), n.dot(eye).at_least(1e-6).named("µ")
     bond = Number(ground.tree, ground.grey) * albedo
@@ -204,7 +208,8 @@ def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> 
 
 
 def add_snow(ground: Ground, albedo: float, sun: Sun) -> Socket:
-    """Shader socket of ``physics.surfaces.snow``. Light of ground in shadow gets the albedo of the emission angle."""
+    """Add ``physics.surfaces.snow``, and return its shader socket. Light of ground in shadow gets the albedo of the
+    emission angle."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).at_least(0.0).named("µ0"), n.dot(eye).at_least(0.0).named("µ")
     both = (mu0 + mu).at_least(snow.MIN_COSINE_SUM)
@@ -224,7 +229,7 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Socket:
 
 
 def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Socket:
-    """Shader socket of the same law in Open Shading Language."""
+    """Add the law of ``add_snow`` in Open Shading Language, and return its shader socket."""
     w = (Number(ground.tree, ground.grey) * albedo).at_most(1.0).value
     return _add_script(
         ground,
@@ -244,7 +249,7 @@ def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Sock
 
 
 def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Socket:
-    """Shader socket of ``hapke.osl`` with these inputs and the inputs for the Sun and the planet."""
+    """Add ``hapke.osl`` with these inputs and the inputs for the Sun and the planet, and return its shader socket."""
     normal = ground.normal
     if normal is None:
         normal = ground.tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
@@ -266,7 +271,8 @@ def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], la
 
 @lru_cache(maxsize=64)
 def _fit_hemispherical_albedo(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> Array:
-    """Coefficients of the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1."""
+    """Fit the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1, and return the
+    coefficients."""
     least, most = math.sqrt(1 - q.w), math.sqrt(1 - q.w * darkest)
     gammas = np.linspace(least, most, 5) if most - least > 1e-6 else np.array([least])
 
@@ -277,7 +283,7 @@ def _fit_hemispherical_albedo(q: model.HapkeParameters, darkest: float, slopes: 
 
 
 def _add_albedo_coefficients(ground: Ground, grains: Grains) -> list[list[Number]]:
-    """Coefficients (4, 3) of the hemispherical albedo in powers of cos e and r0, for the ground's θ̄."""
+    """Add the coefficients (4, 3) of the hemispherical albedo in powers of cos e and r0, for the ground's θ̄."""
     low = high = float(grains.parameters.theta_bar)
     t = Number(ground.tree, 0.0)
     if ground.slopes is not None:
@@ -315,7 +321,7 @@ def _make_node_grains(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.G
 
 
 def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Socket:
-    """Shader socket of Hapke's law from nodes."""
+    """Add Hapke's law from nodes, and return its shader socket."""
     n, toward_sun, eye = _add_sight(ground, sun)
     tree, known = ground.tree, _make_node_grains(ground, grains.parameters)
     blur = tree.math("ADD", BLUR, sun.blur, 0.0)  # a node whose number can be set
@@ -330,14 +336,14 @@ def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Socket:
 
 
 def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Socket:
-    """Three constants, or the output socket of a node that combines the numbers."""
+    """Return three constants, or the output socket of a node that combines the numbers."""
     if all(number.known is not None for number in numbers):
         return tuple(number.known for number in numbers)
     return tree.combined(label, *(number.value for number in numbers))
 
 
 def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Socket:
-    """Shader socket of Hapke's law in Open Shading Language."""
+    """Add Hapke's law in Open Shading Language, and return its shader socket."""
     tree, q = ground.tree, grains.parameters
     known = _make_node_grains(ground, q)
     albedo = {

@@ -14,7 +14,7 @@ from ...physics.rocks.rock_shapes import RockShape
 from ...physics.scene_requirements import needs_shelter, surface_topics
 from ...physics.surfaces.fallen_frost import find_origin
 from ...rays.engine import open_tracer, require_embree
-from ...rays.exposure import find_exposed, list_directions
+from ...rays.exposure import find_exposed_share, list_directions
 from ...rays.rock_exposure import RockShelter, find_rock_shelter
 from ...rays.shapes import Placed, Shape, World
 from ...settings.topics.scene import Settings
@@ -40,7 +40,7 @@ def mark_shelter(
     rocks: Rocks | None = None,
     shapes: Sequence[Sequence[RockShape]] = (),
 ) -> RockShelter | None:
-    """As ``mark_shelter_in_steps``, at once."""
+    """Mark the shelter at once, see ``mark_shelter_in_steps``."""
     return finish(mark_shelter_in_steps(mesh, settings, rocks, shapes))
 
 
@@ -64,14 +64,14 @@ def mark_shelter_in_steps(
     if on_ground is None and on_rocks is None:
         return None
     folders = compat.list_library_folders()  # not in the thread, which may ask Blender nothing
-    exposed, shelter = yield partial(_trace, _read_shape(mesh), on_ground, on_rocks, rocks, shapes, folders)
+    exposed, shelter = yield partial(_trace_shelter, _read_shape(mesh), on_ground, on_rocks, rocks, shapes, folders)
     if exposed is not None:
         attribute = mesh.attributes.get(SHELTERED) or mesh.attributes.new(SHELTERED, "FLOAT", "POINT")
         attribute.data.foreach_set("value", (1.0 - exposed).astype(np.float32))
     return shelter
 
 
-def _trace(
+def _trace_shelter(
     ground: Shape,
     on_ground: SurfaceSettings | None,
     on_rocks: SurfaceSettings | None,
@@ -79,14 +79,14 @@ def _trace(
     shapes: Sequence[Sequence[RockShape]],
     folders: Sequence[Path],
 ) -> tuple[Array | None, RockShelter | None]:
-    """Shares (n,) of the grains that reach the vertices of the ground, for its surface, and the shelter of the rocks,
-    for theirs; None without a surface. Embree may be in one of ``folders``."""
+    """Trace the shares (n,) of the grains that reach the vertices of the ground, for its surface, and the shelter of
+    the rocks, for theirs; None without a surface. Embree may be in one of ``folders``."""
     placed = _place_rocks(rocks, shapes)
     world = World([Placed(ground, np.eye(4)[None], np.ones(1, np.int64)), *placed])
     tracer, exposed, shelter = open_tracer(world, folders), None, None
     try:
         if on_ground is not None:
-            exposed = find_exposed(world, tracer, ground.vertices, _list_directions(on_ground))
+            exposed = find_exposed_share(world, tracer, ground.vertices, _list_directions(on_ground))
         if on_rocks is not None and rocks is not None:
             shelter = find_rock_shelter(world, tracer, placed, len(rocks.shape), _list_directions(on_rocks))
         return exposed, shelter
@@ -95,7 +95,7 @@ def _trace(
 
 
 def _list_directions(surface: SurfaceSettings) -> Array:
-    """Unit vectors (n, 3) toward the origin of the grains that fall on a surface."""
+    """List the unit vectors (n, 3) toward the origin of the grains that fall on a surface."""
     return list_directions(find_origin(surface), surface.frost_spread_deg)
 
 
@@ -117,7 +117,7 @@ def _make_shape(vertices: Array, triangles: Array) -> Shape:
 
 
 def _place_rocks(rocks: Rocks | None, shapes: Sequence[Sequence[RockShape]]) -> list[Placed]:
-    """The rocks as instances of their shapes."""
+    """Return the rocks as instances of their shapes."""
     if rocks is None or not len(rocks.shape):
         return []
     matrices = make_instance_matrices(rocks.position_m, rocks.rotation, rocks.scale_m)

@@ -46,7 +46,8 @@ def add_albedo_pass(
 
 
 def compute_hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
-    """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
+    """Compute the Bond albedo of Hapke's law for factors on w from ``least`` to 1. Return the factors and the
+    albedos."""
     known = hapke_from_settings(settings.hapke)
     factors = np.unique(np.linspace(least, 1.0, _FACTOR_STEPS))
 

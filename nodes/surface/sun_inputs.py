@@ -45,7 +45,7 @@ class Sun:
 
     @classmethod
     def from_settings(cls, light: LightSettings) -> Sun:
-        """The Sun that ``light`` settings describe."""
+        """Make the Sun that ``light`` settings describe."""
         x, y, z = direction_toward(light.sun_azimuth_deg, light.sun_elevation_deg)
         return cls(
             (x, y, z),
@@ -100,7 +100,7 @@ class Sun:
 
 
 def make_sun_inputs(sun: Sun) -> dict[str, Any]:
-    """Inputs of ``hapke.osl`` for the Sun."""
+    """Make the inputs of ``hapke.osl`` for the Sun."""
     return {
         "SunDirection": sun.direction,
         "SunIrradiance": (*sun.irradiance_wm2, 1.0),
@@ -110,7 +110,7 @@ def make_sun_inputs(sun: Sun) -> dict[str, Any]:
 
 
 def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> bpy.types.Node | None:
-    """A node of our own, or None: the user may have replaced the material."""
+    """Find a node that Icy Moon made, of this ``kind``; None if the user has replaced the material."""
     node = material.node_tree.nodes.get(name) if material.node_tree else None
     return node if node and node.bl_idname == kind else None
 
@@ -149,14 +149,14 @@ def set_light_inputs(
 
 
 def has_one_light_source(material: bpy.types.Material) -> bool:
-    """Whether a material has its reflectance law for one source of light only."""
+    """Return whether a material has its reflectance law for one source of light only."""
     return any(
         _find_own_node(material, *node) for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript"))
     )
 
 
 def is_osl(material: bpy.types.Material) -> bool:
-    """Whether a material needs Open Shading Language."""
+    """Return whether a material needs Open Shading Language."""
     return _find_own_node(material, SCRIPT, "ShaderNodeScript") is not None
 
 
@@ -166,7 +166,8 @@ def _read_level(material: bpy.types.Material) -> str:
 
 
 def traces_sun(material: bpy.types.Material) -> bool:
-    """Whether a material traces the Sun, so that the lamp must not light it. Every OSL material traces the planet."""
+    """Return whether a material traces the Sun, so that the lamp must not light it. Every OSL material traces the
+    planet."""
     return _read_level(material) != LEVELS[0]
 
 

@@ -29,11 +29,11 @@ _MIN_FLOOR_NORMAL = 0.5
 
 @dataclass(frozen=True)
 class Textured:
-    """``textures`` settings with their maps, and how these are mapped to a surface.
+    """``textures`` settings with their maps, and the way in which the maps are laid on a surface.
 
     ``placement`` is POSITION, UV, PATCH, MAP, or MEAN: the mean of each image everywhere, for rocks without UV
-    coordinates. ``patch_m`` is the side of the patch. With the placement MAP, ``placed`` are west and south edge of
-    the image in the frame of the site, and its width and height, in metres.
+    coordinates. ``patch_m`` is the side of the patch. With the placement MAP, ``placed`` are west and south edge of the
+    image in the frame of the site, and its width and height, in metres.
     """
 
     settings: TexturesSettings
@@ -43,14 +43,15 @@ class Textured:
     placed: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
     def make_sampler(self, tree: Tree, geometry: Node, offset: tuple[float, float]) -> Sampler:
-        """The sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by position."""
+        """Make the sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by
+        position."""
         if self.placement == "UV":
-            return ByUV(tree, geometry)
+            return UVSampler(tree, geometry)
         if self.placement == "PATCH":
-            return OverPatch(tree, self.settings, geometry, self.patch_m)
+            return PatchSampler(tree, self.settings, geometry, self.patch_m)
         if self.placement == "MAP":
-            return OnMap(tree, self.settings, geometry, self.placed)
-        return Mean(tree) if self.placement == "MEAN" else Pieces(tree, self.settings, geometry, offset)
+            return MapSampler(tree, self.settings, geometry, self.placed)
+        return MeanSampler(tree) if self.placement == "MEAN" else PositionSampler(tree, self.settings, geometry, offset)
 
 
 class Sampler:
@@ -63,7 +64,7 @@ class Sampler:
         self.pieces: list[tuple[Any, Any, Any]] = []
 
     def _add_images(self, kind: str, of: Map) -> list[Any]:
-        """Output sockets of the image's colour at each piece."""
+        """Add the image at each piece, and return the output sockets of its colours."""
         return [
             self.tree.node(
                 "ShaderNodeTexImage",
@@ -77,7 +78,7 @@ class Sampler:
         ]
 
     def _add_blend(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Socket:
-        """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
+        """Add mean + sum of share x (value - mean), but no albedo below 0, and return the output socket.
 
         The squares of the shares add up to 1, which keeps the contrast. The shares themselves add up to more.
         """
@@ -91,23 +92,25 @@ class Sampler:
         return self.tree.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
     def sample(self, kind: str, of: Map) -> Socket:
-        """Output socket of a map's colour, blended between its repeats; ``kind`` is the name of the map."""
+        """Add a map's colour, blended between its repeats, and return its output socket. ``kind`` is the name of the
+        map."""
         return self._add_blend(kind, self._add_images(kind, of), of.mean)
 
     def sample_normal(self, of: Map) -> Socket:
-        """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
+        """Tilt the surface's normal as a normal map states (x right, y up, z out; OpenGL), and return its output
+        socket."""
         raise NotImplementedError
 
 
-class Mean(Sampler):
-    """The mean of an image everywhere."""
+class MeanSampler(Sampler):
+    """Samples the mean of an image everywhere."""
 
     def sample(self, kind: str, of: Map) -> Socket:
         return self.tree.combined(f"Mean {kind.title()}", *of.mean)
 
 
-class ByUV(Sampler):
-    """One piece, by the UV coordinates of the mesh."""
+class UVSampler(Sampler):
+    """Samples one piece, by the UV coordinates of the mesh."""
 
     _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP_PROPERTIES}
 
@@ -117,7 +120,7 @@ class ByUV(Sampler):
         self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
 
     def sample_normal(self, of: Map) -> Socket:
-        # The node uses the normal before displacement. So its change of that normal is added to the true one.
+        # The node uses the normal before displacement. So its change of that normal is added to the true normal.
         mapped, level = (
             self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
             for label, colour in (
@@ -130,8 +133,8 @@ class ByUV(Sampler):
         return tree.vector("NORMALIZE", "Mapped Normal", tree.vector("ADD", "Tilted", self.normal, tilt))
 
 
-class Pieces(Sampler):
-    """By position: one piece for plain repeats, otherwise three."""
+class PositionSampler(Sampler):
+    """Samples by position: one piece for plain repeats, otherwise three."""
 
     def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Node, offset: tuple[float, float]) -> None:
         super().__init__(tree)
@@ -142,7 +145,7 @@ class Pieces(Sampler):
             self._add_hexagons(turned=textures.repeat == "TURNED")
 
     def chosen(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-        """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
+        """Choose vector ``a`` where ``share`` is 0 and ``b`` where it is 1, and return the output socket."""
         return find_output(
             self.tree.node(
                 "ShaderNodeMix",
@@ -209,7 +212,7 @@ class Pieces(Sampler):
     def rotated(
         self, label: str, vector: Socket, angle: Value, centre: Triple = (0.0, 0.0, 0.0), back: bool = False
     ) -> Socket:
-        """Output socket of a vector turned about the third axis."""
+        """Rotate a vector about the third axis, and return its output socket."""
         return self.tree.node(
             "ShaderNodeVectorRotate",
             label,
@@ -219,7 +222,8 @@ class Pieces(Sampler):
         ).outputs[0]
 
     def sample_normal(self, of: Map) -> Socket:
-        """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
+        """Tilt the surface's normal as a normal map states (x right, y up, z out; OpenGL), and return its output
+        socket."""
         tree, slopes = self.tree, []
         for k, colour in enumerate(self._add_images("normal", of)):
             scaled = tree.scaled(f"Normal {k} Doubled", colour, 2.0)
@@ -245,8 +249,9 @@ class Pieces(Sampler):
         return tree.vector("NORMALIZE", "Mapped Normal", tree.vector("ADD", "Tilted", self.normal, tilt))
 
 
-class OverPatch(Pieces):
-    """One piece: the whole image over the patch, seen from above. Beyond the patch its outermost pixels go on."""
+class PatchSampler(PositionSampler):
+    """Samples one piece: the whole image over the patch, seen from above. Beyond the patch, its outermost pixels
+    continue."""
 
     _EXTENSION = "EXTEND"
 
@@ -269,7 +274,7 @@ class Painted:
     patch_m: float
 
     def make_sampler(self, tree: Tree, geometry: Node) -> PaintedSampler:
-        """The sampler of the masks in a tree."""
+        """Make the sampler of the masks in a tree."""
         return PaintedSampler(self, tree, geometry)
 
 
@@ -278,10 +283,10 @@ class PaintedSampler:
 
     def __init__(self, painted: Painted, tree: Tree, geometry: Node) -> None:
         self._painted, self._tree = painted, tree
-        self._place = OverPatch(tree, TexturesSettings.from_values({"repeat": "PLAIN"}), geometry, painted.patch_m)
+        self._place = PatchSampler(tree, TexturesSettings.from_values({"repeat": "PLAIN"}), geometry, painted.patch_m)
 
     def sample_share(self, kind: str) -> Value:
-        """Output socket of the mask of this kind, from 0 to 1; 1.0 without one."""
+        """Add the mask of this kind, from 0 to 1, and return its output socket; 1.0 without a mask."""
         of = self._painted.masks.get(kind)
         return (
             1.0
@@ -290,8 +295,8 @@ class PaintedSampler:
         )
 
 
-class OnMap(OverPatch):
-    """One image that lies on the map of the ground, with a separate width and height."""
+class MapSampler(PatchSampler):
+    """Samples one image that lies on the map of the ground, with a separate width and height."""
 
     def __init__(
         self, tree: Tree, textures: TexturesSettings, geometry: Node, placed: tuple[float, float, float, float]

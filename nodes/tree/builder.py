@@ -65,7 +65,8 @@ _TO_NUMBER = ("DOT_PRODUCT", "LENGTH", "DISTANCE")
 
 
 def list_non_socket_values(node: bpy.types.Node) -> list[Any]:
-    """Values of a node that are not in sockets: the name of its image, the points of its curves, its UV layer."""
+    """List the values of a node that are not in sockets: the name of its image, the points of its curves, its UV
+    layer."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
     points = [[tuple(point.location) for point in curve.points] for curve in curves]
@@ -73,7 +74,7 @@ def list_non_socket_values(node: bpy.types.Node) -> list[Any]:
 
 
 def find_output(node: bpy.types.Node, identifier: str) -> Socket:
-    """The output socket with an identifier. Unlike names, no version has renamed identifiers."""
+    """Find the output socket with an identifier. No version has renamed identifiers, unlike names."""
     return next(socket for socket in node.outputs if socket.identifier == identifier)
 
 
@@ -120,38 +121,38 @@ class Tree:
         return node
 
     def math(self, operation: str, label: str, a: Value, b: Value | None = None, c: Value | None = None) -> Socket:
-        """Output socket of a Math node of one operand, two or three."""
+        """Add a Math node of one, two or three operands, and return its output socket."""
         operands = zip(("Value", "Value_001", "Value_002"), (a, b, c), strict=True)
         inputs = {key: value for key, value in operands if value is not None}
         return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
 
     def vector(self, operation: str, label: str, a: Triple, b: Triple | None = None, c: Triple | None = None) -> Socket:
-        """Output socket of a Vector Math node of one vector, two or three."""
+        """Add a Vector Math node of one, two or three vectors, and return its output socket."""
         operands = {"Vector": a, "Vector_001": b, "Vector_002": c}
         inputs = {key: value for key, value in operands.items() if value is not None}
         node = self.node("ShaderNodeVectorMath", label, inputs, operation=operation)
         return find_output(node, "Value" if operation in _TO_NUMBER else "Vector")
 
     def scaled(self, label: str, vector: Triple, factor: Value) -> Socket:
-        """Output socket of a vector times a number."""
+        """Add the product of a vector and a number, and return its output socket."""
         inputs = {"Vector": vector, "Scale": factor}
         return self.node("ShaderNodeVectorMath", label, inputs, operation="SCALE").outputs[0]
 
     def combined(self, label: str, x: Value, y: Value, z: Value = 0.0) -> Socket:
-        """Output socket of a vector of three numbers."""
+        """Combine three numbers to a vector, and return its output socket."""
         return self.node("ShaderNodeCombineXYZ", label, {"X": x, "Y": y, "Z": z}).outputs[0]
 
     def separated(self, label: str, vector: Triple) -> Sequence[Any]:
-        """Output sockets of a vector's three numbers."""
+        """Separate a vector into its three numbers, and return their output sockets."""
         return self.node("ShaderNodeSeparateXYZ", label, {"Vector": vector}).outputs
 
     def colour(self, label: str, red: Value, green: Value, blue: Value) -> Socket:
-        """Output socket of a colour of three bands."""
+        """Combine three bands to a colour, and return its output socket."""
         inputs = {"Red": red, "Green": green, "Blue": blue}
         return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
 
     def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
-        """Output socket of a mixed colour: this ``share`` of ``b``, and the rest of ``a``."""
+        """Mix a ``share`` of the colour ``b`` with the rest of ``a``, and return the output socket."""
         return find_output(
             self.node(
                 "ShaderNodeMix",
@@ -166,7 +167,8 @@ class Tree:
         )
 
     def ramp(self, label: str, value: Value, zero: float, one: float, smooth: bool = False) -> Socket:
-        """Output socket: 0 where ``value`` is ``zero``, 1 where it is ``one``, limited to that range."""
+        """Add a ramp: 0 where ``value`` is ``zero``, 1 where it is ``one``, limited to that range. Return its output
+        socket."""
         return self.node(
             "ShaderNodeMapRange",
             label,
@@ -186,7 +188,7 @@ class Tree:
         roughness: float = 0.5,
         normalize: bool = True,
     ) -> bpy.types.Node:
-        """Noise node of ``detail`` + 1 octaves. ``where`` is its place: a Vector, a W, or both."""
+        """Add a noise node of ``detail`` + 1 octaves. ``where`` is its place: a Vector, a W, or both."""
         return self.node(
             "ShaderNodeTexNoise",
             label,
@@ -204,13 +206,13 @@ class Tree:
         )
 
     def attribute(self, label: str, name: str, identifier: str = "Fac", kind: str = "GEOMETRY") -> Socket:
-        """Output socket of an attribute of the mesh, or of the instance."""
+        """Add an attribute of the mesh, or of the instance, and return its output socket."""
         return find_output(
             self.node("ShaderNodeAttribute", label, attribute_type=kind, attribute_name=name), identifier
         )
 
     def bump(self, label: str, height: Value, distance_m: float, normal: Socket | None = None) -> Socket:
-        """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
+        """Add bumps, ``distance_m`` high where ``height`` is 1, and return the output socket of the normal.
 
         The bumps are on the surface's own normal, or on ``normal``.
         """
@@ -223,14 +225,15 @@ class Tree:
         ).outputs[0]
 
     def diffuse(self, label: str, colour: Triple, normal: Socket | None = None) -> Socket:
-        """Shader socket of Lambert's law with a normal; None means the mesh's own normal."""
+        """Add Lambert's law with a normal, and return its shader socket. None means the mesh's own normal."""
         inputs = {"Color": colour, "Roughness": 0.0, "Normal": normal}
         return self.node("ShaderNodeBsdfDiffuse", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
     def principled(
         self, label: str, colour: Triple, roughness: Value, subsurface: str = "RANDOM_WALK", **others: object
     ) -> Socket:
-        """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED_INPUTS``."""
+        """Add a Principled surface, and return its shader socket. ``others`` are inputs that differ from
+        ``_PRINCIPLED_INPUTS``."""
         return self.node(
             "ShaderNodeBsdfPrincipled",
             label,
@@ -241,23 +244,22 @@ class Tree:
         ).outputs[0]
 
     def emission(self, label: str, colour: Triple, strength: Value) -> Socket:
-        """Shader socket of a surface that emits light."""
+        """Add a surface that emits light, and return its shader socket."""
         inputs = {"Color": colour, "Strength": strength}
         return self.node("ShaderNodeEmission", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
     def transparent(self, label: str, colour: Triple) -> Socket:
-        """Shader socket of a surface that light passes straight through."""
+        """Add a surface that light passes straight through, and return its shader socket."""
         return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}, if_present={"Weight": 0.0}).outputs[0]
 
     def over(self, label: str, share: Value, under: Socket, layer: Socket) -> Socket:
-        """Shader socket of ``layer`` over its share of ``under``. At a share of 0 or 1 Cycles evaluates only one of
-        both.
-        """
+        """Lay ``layer`` over its ``share`` of ``under``, and return the shader socket. At a share of 0 or 1, Cycles
+        evaluates only one of the two."""
         inputs = {"Fac": share, "Shader": under, "Shader_001": layer}
         return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
 
     def surface(self, shader: Socket, label: str = "Surface", target: str = "ALL", **others: object) -> None:
-        """Connect a shader, and others such as ``Volume``, to a material's output."""
+        """Connect a shader, and further sockets such as ``Volume``, to a material's output."""
         inputs = {"Surface": shader, "Displacement": None, "Volume": None, "Thickness": None} | others
         self.node("ShaderNodeOutputMaterial", label, inputs, target=target)
 
@@ -266,7 +268,8 @@ class Tree:
         self.node("ShaderNodeOutputAOV", label, {"Color": colour, "Value": value}, aov_name=name)
 
     def curve(self, label: str, colour: Triple, x: Sequence[float] | Array, y: Sequence[float] | Array) -> Socket:
-        """Output socket of a colour after linear interpolation of each band between points (x, y)."""
+        """Add nodes that interpolate each band of a colour linearly between points (x, y), and return their output
+        socket."""
         node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
         points = node.mapping.curves[3].points  # the curve of all bands, which has two points at first
         while len(points) < len(x):
@@ -279,10 +282,10 @@ class Tree:
     def bands(
         self, label: str, place: Value, positions: Sequence[float], colours: Sequence[Sequence[float]]
     ) -> bpy.types.Node:
-        """Node of the colours (n, 3) at n positions from 0 to 1, the first and the last at the ends, with linear
-        interpolation at ``place``."""
+        """Add a node that interpolates colours (n, 3) linearly at ``place``, and return it. Their positions are n
+        numbers from 0 to 1, with the first and the last at the ends."""
         node = self.node("ShaderNodeValToRGB", label, {"Fac": place})
-        elements = node.color_ramp.elements  # at first two, at 0 and 1
+        elements = node.color_ramp.elements  # two at first, at 0 and 1
         for position in positions[1:-1]:
             elements.new(position)
         for element, colour in zip(elements, colours, strict=True):
@@ -310,14 +313,14 @@ class Tree:
 
 
 def _list_plain_properties(struct: bpy.types.bpy_struct) -> dict[str, Any]:
-    """The plain properties of a node, without properties of the node editor."""
+    """List the plain properties of a node, without properties of the node editor."""
     kind: Any = type(struct)
     return {name: getattr(struct, name) for name in _list_plain_names(kind)}
 
 
 @lru_cache(maxsize=256)
 def _list_plain_names(kind: Any) -> tuple[str, ...]:
-    """Names of the plain properties of a kind of node, which are slow to find."""
+    """List the names of the plain properties of a kind of node, which are slow to find."""
     return tuple(
         p.identifier
         for p in kind.bl_rna.properties
@@ -366,7 +369,7 @@ def copy_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
 
 
 def _is_other(value: Any, other: Any) -> bool:
-    """Whether two values of sockets differ: numbers, texts, data-blocks or arrays."""
+    """Return whether two values of sockets differ: numbers, texts, data-blocks or arrays."""
     if isinstance(value, (str, bpy.types.ID)) or not hasattr(value, "__len__"):
         return bool(value != other)
     return tuple(value) != tuple(other)

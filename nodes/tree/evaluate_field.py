@@ -1,4 +1,4 @@
-"""Values of a shader's formula at points, by geometry nodes, which have the same textures and the same arithmetic.
+"""Evaluates a shader's formula at points by geometry nodes, which have the same textures and the same arithmetic.
 
 Cycles computes a shader only where a ray meets it, and returns values only through a bake. Geometry nodes compute the
 same formula for any points, to the last bits of single precision.
@@ -42,7 +42,8 @@ class _Translation:
         self._made: dict[str, Any] = {}
 
     def translate(self, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The output in the group that corresponds to an output in the shader. Raises NoGeometryNodeError."""
+        """Return the output in the group that corresponds to an output in the shader. Raises NoGeometryNodeError if
+        geometry nodes have no such node."""
         node = socket.node
         if node.bl_idname == "ShaderNodeNewGeometry" and socket.identifier == "Position":
             return self._make(node.name, "GeometryNodeInputPosition").outputs[0]
@@ -74,11 +75,11 @@ class _Translation:
 
 
 def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.Mesh, some: Array) -> Array:
-    """Values (k,) float32 of a shader's output at ``points`` (k, 3) in world coordinates, which are the vertices
-    ``some`` (k,) of ``mesh``.
+    """Evaluate a shader's output at ``points`` (k, 3) in world coordinates, which are the vertices ``some`` (k,) of
+    ``mesh``. Returns float32 (k,).
 
-    Raises NoGeometryNodeError if geometry nodes cannot compute them, or if the mesh lacks the vertex attributes that
-    they need.
+    Raises NoGeometryNodeError if geometry nodes cannot compute the values, or if the mesh lacks the vertex attributes
+    that they need.
     """
     group = bpy.data.node_groups.new(_GROUP_NAME, "GeometryNodeTree")
     held: list[tuple[Any, Any]] = [(bpy.data.node_groups, group)]
@@ -130,7 +131,7 @@ def _copy_attribute(name: str, source: bpy.types.Mesh, target: bpy.types.Mesh, s
 
 
 def read_numbers(mesh: bpy.types.Mesh, name: str) -> Array | None:
-    """The values (n,) float32 of an attribute of the vertices of a mesh; None if it has no such numbers."""
+    """Read the values (n,) float32 of an attribute of the vertices of a mesh; None if it has no such numbers."""
     there = mesh.attributes.get(name)
     if there is None or (there.data_type, there.domain) != ("FLOAT", "POINT"):
         return None

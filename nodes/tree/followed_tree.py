@@ -1,4 +1,4 @@
-"""Gives a tree that was built before the values that a builder would set in a new tree.
+"""Gives a tree that was built earlier the values that a builder would set in a new tree.
 
 To add a node takes some 0.3 ms, and a slider changes a few values of a hundred nodes.
 """
@@ -17,7 +17,7 @@ from .builder import Socket, Tree
 
 
 class OtherTreeError(Exception):
-    """The builder would make other nodes or links than those of the tree."""
+    """The builder would make other nodes or links than the tree has."""
 
 
 class _Fixed:
@@ -37,14 +37,18 @@ class FollowedTree(Tree):
     """
 
     def __init__(self, node_tree: bpy.types.NodeTree, *, without: Collection[str] = (), only: Collection[str] = ()):
-        """``without`` and ``only`` are names of nodes that another builder has added, or that this one added."""
+        """Follow the nodes of a tree whose names are in ``only`` (all nodes if it is empty), except the nodes in
+        ``without``.
+
+        Another builder has added the nodes in ``without``; this builder has added the nodes in ``only``.
+        """
         fixed: Any = SimpleNamespace(nodes=_Fixed(), links=_Fixed())
         super().__init__(fixed, keep=True)
         self._nodes = {
             node.name: node for node in node_tree.nodes if node.name not in without and (not only or node.name in only)
         }
         self._left = set(self._nodes)
-        self._times: dict[str, int] = {}  # how many nodes each label was given to
+        self._times: dict[str, int] = {}  # number of nodes that have got each label so far
         self._sources = {
             (link.to_node.name, link.to_socket.identifier): (link.from_node.name, link.from_socket.identifier)
             for link in node_tree.links
@@ -59,7 +63,7 @@ class FollowedTree(Tree):
         if_present: Mapping[str, Any] | None = None,
         **properties: object,
     ) -> bpy.types.Node:
-        """The node that ``Tree.node`` would add, with its values."""
+        """Return the node that ``Tree.node`` would add, with its values."""
         before = self._times.get(label, 0)
         self._times[label] = before + 1
         name = f"{label}.{before:03d}" if before else label  # as Blender names nodes of the same name
@@ -85,7 +89,7 @@ class FollowedTree(Tree):
     def bands(
         self, label: str, place: Any, positions: Sequence[float], colours: Sequence[Sequence[float]]
     ) -> bpy.types.Node:
-        """The node that ``Tree.bands`` would add, if its bands are the same."""
+        """Return the node that ``Tree.bands`` would add, if its bands are the same."""
         node = self.node("ShaderNodeValToRGB", label, {"Fac": place})
         there = [(element.position, *element.color) for element in node.color_ramp.elements]
         wanted = np.column_stack([positions, colours, np.ones(len(colours))]).astype(np.float32)
@@ -94,7 +98,7 @@ class FollowedTree(Tree):
         return node
 
     def curve(self, label: str, colour: Any, x: Sequence[float] | Array, y: Sequence[float] | Array) -> Socket:
-        """The output that ``Tree.curve`` would add, if its points are the same."""
+        """Return the output that ``Tree.curve`` would add, if its points are the same."""
         node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
         there = np.array([point.location for point in node.mapping.curves[3].points], np.float32)
         if not np.array_equal(there, np.column_stack([x, y]).astype(np.float32)):
@@ -102,13 +106,13 @@ class FollowedTree(Tree):
         return node.outputs[0]
 
     def arrange(self) -> None:
-        """Find that no node is left over; the nodes are in their places."""
+        """Check that no node is left over; the nodes are in their places. Raises OtherTreeError otherwise."""
         if self._left:
             raise OtherTreeError(min(self._left))
 
 
 def _differs(there: Any, value: Any) -> bool:
-    """Whether a socket's numbers differ from a value, in single precision."""
+    """Return whether a socket's numbers differ from a value in single precision."""
     if isinstance(there, float):
         return there != np.float32(value)
     return not np.array_equal(np.asarray(there, np.float32), np.asarray(value, np.float32))

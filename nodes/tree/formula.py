@@ -26,7 +26,7 @@ class Number:
         return self.value if isinstance(self.value, (int, float)) else None
 
     def named(self, name: str) -> Number:
-        """The same number, with its name in the formula as the label of its node."""
+        """Return the same number, with its name in the formula as the label of its node."""
         if not isinstance(self.value, (int, float)) and self.value.node.label != name:
             self.value.node.label = name
         return self
@@ -81,7 +81,7 @@ class Number:
         return self._of(other) / self
 
     def times_plus(self, factor: Number | float, term: Number | float) -> Number:
-        """self * factor + term in one node."""
+        """Return self * factor + term, in one node."""
         factor, term = self._of(factor), self._of(term)
         if (
             term.known == 0.0
@@ -92,21 +92,21 @@ class Number:
         return self._node("MULTIPLY_ADD", factor, term)
 
     def sqrt(self) -> Number:
-        """The square root."""
+        """Return the square root."""
         return self._node("SQRT", known=math.sqrt)
 
     def exp(self) -> Number:
-        """The exponential function."""
+        """Return the exponential function."""
         return self._node("EXPONENT", known=math.exp)
 
     def log(self) -> Number:
-        """The natural logarithm."""
+        """Return the natural logarithm."""
         return self._node("LOGARITHM", math.e, known=lambda a, _: math.log(a))
 
     def tangent(self) -> Number:
-        """The tangent of an angle in radians, of at most 60 degrees, with an error of 3e-9.
+        """Return the tangent of an angle in radians, of at most 60 degrees, with an error of 3e-9.
 
-        It is Lambert's continued fraction up to the seventh term, since OSL's own tangent has four digits.
+        It is Lambert's continued fraction up to the seventh term, since OSL's own tangent has only four digits.
         """
         if self.known is not None:
             return Number(self.tree, math.tan(self.known))
@@ -115,28 +115,28 @@ class Number:
         return over / y.times_plus(y.times_plus(210.0 - y, -4725.0), 10395.0)
 
     def power(self, exponent: Number | float) -> Number:
-        """A power of the number, which must not be negative."""
+        """Return a power of the number, which must not be negative."""
         return self._node("POWER", exponent, known=math.pow)
 
     def arctan2(self, other: Number) -> Number:
-        """The angle in radians of the point (other, self)."""
+        """Return the angle in radians from the x axis to the point (other, self)."""
         return self._node("ARCTAN2", other)
 
     def at_least(self, other: Number | float) -> Number:
-        """The larger of two numbers."""
+        """Return the larger of two numbers."""
         return self._node("MAXIMUM", other, known=max)
 
     def at_most(self, other: Number | float) -> Number:
-        """The smaller of two numbers."""
+        """Return the smaller of two numbers."""
         return self._node("MINIMUM", other, known=min)
 
     def exceeds(self, other: Number | float) -> Number:
-        """1 where this number is larger than the other, otherwise 0."""
+        """Return 1 where this number is larger than the other, otherwise 0."""
         return self._node("GREATER_THAN", other, known=lambda a, b: float(a > b))
 
 
 class Vector:
-    """A vector in a formula, the output of a node."""
+    """A vector in a formula: the output of a node."""
 
     def __init__(self, tree: Tree, socket: bpy.types.NodeSocket) -> None:
         self.tree, self.socket = tree, socket
@@ -149,15 +149,15 @@ class Vector:
         return Vector(self.tree, self._node("ADD", other))
 
     def cross(self, other: Vector) -> Vector:
-        """The cross product with another vector."""
+        """Return the cross product with another vector."""
         return Vector(self.tree, self._node("CROSS_PRODUCT", other))
 
     def unit(self) -> Vector:
-        """The vector of length one in this direction; zero for the zero vector."""
+        """Return the vector of length one in this direction; zero for the zero vector."""
         return Vector(self.tree, self._node("NORMALIZE"))
 
     def dot(self, other: Vector) -> Number:
-        """The scalar product with another vector."""
+        """Return the scalar product with another vector."""
         return Number(self.tree, self._node("DOT_PRODUCT", other))
 
     def distance(self, other: Vector) -> Number:
@@ -165,5 +165,5 @@ class Vector:
         return Number(self.tree, self._node("DISTANCE", other))
 
     def length(self) -> Number:
-        """The length of the vector."""
+        """Return the length of the vector."""
         return Number(self.tree, self._node("LENGTH"))

@@ -1,4 +1,4 @@
-"""Features that a Blender has, checked before a plan is estimated or rendered. Imports no Blender."""
+"""Checks the features of a Blender before a plan is estimated or rendered. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from ..workers.process import Process
 
 @dataclass(frozen=True)
 class Abilities:
-    """Optional features of a Blender that settings may need. An official build has all but a graphics card."""
+    """Optional features of a Blender that settings may need. An official build has all of them except a graphics
+    card."""
 
     osl: bool = True
     denoiser: bool = True
@@ -26,7 +27,8 @@ class Abilities:
 
 
 def probe_blender(blender: str) -> dict[str, Any]:
-    """The report of a Blender, or of a Python with ``bpy``, about itself: the output of ``render/probe_blender.py``.
+    """Return the report of a Blender, or of a Python with ``bpy``, about itself: the output of
+    ``render/probe_blender.py``.
 
     Raises IcyMoonError if there is no report.
     """
@@ -41,13 +43,13 @@ def probe_blender(blender: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def query_abilities(blender: str) -> Abilities:
-    """The abilities of a Blender, asked once. Raises IcyMoonError if it reports nothing."""
+    """Ask a Blender for its abilities; each Blender is asked once. Raises IcyMoonError if it reports nothing."""
     facts = probe_blender(blender)
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
-def describe_lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
-    """A sentence on what a Blender lacks for these quality settings, with the fix; empty if it lacks nothing."""
+def explain_unavailable_quality(quality: QualitySettings, able: Abilities) -> str:
+    """Explain in a sentence, with the fix, why a Blender cannot render these quality settings; empty if it can."""
     if quality.denoiser != "NONE" and not able.denoiser:
         return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
     if quality.device == "GPU" and not able.gpu:
@@ -56,9 +58,8 @@ def describe_lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
 
 
 def describe_lack(settings: Settings, able: Abilities) -> str:
-    """A sentence on a feature that a Blender lacks for these complete settings, with the fix; empty if it lacks
-    nothing.
-    """
+    """Describe in a sentence, with the fix, a feature that a Blender lacks for these complete settings; empty if it
+    lacks nothing."""
     if (
         not able.osl
         and settings.hapke.backend == "OSL"
@@ -67,17 +68,17 @@ def describe_lack(settings: Settings, able: Abilities) -> str:
         return (
             "This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official build."
         )
-    return describe_lack_for_quality(settings.quality, able)
+    return explain_unavailable_quality(settings.quality, able)
 
 
 def needs_full_build(settings: Settings) -> bool:
-    """Whether settings need a feature that some builds of Blender lack."""
+    """Return whether settings need a feature that some builds of Blender lack."""
     return bool(describe_lack(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
 def find_missing_feature(wanted: Iterable[Settings], blender: str) -> str:
-    """A sentence on a feature that a Blender lacks for some of these settings, with their number; empty if it lacks
-    nothing. Blender is started only if some of the settings need an optional feature.
+    """Find a feature that a Blender lacks for some of these settings. Return a sentence with the number of these
+    settings; empty if it lacks nothing. Blender is started only if some of the settings need an optional feature.
 
     Raises IcyMoonError if Blender reports nothing.
     """

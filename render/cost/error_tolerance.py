@@ -43,14 +43,13 @@ class Tolerance:
         return " and ".join(px + bad)
 
     def allows(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
-        """Whether a matcher's ``loss`` is within the tolerance at every value in ``doubt``; None if ``doubt`` crosses
-        the limit.
-        """
+        """Return whether a matcher's ``loss`` is within the tolerance, for every value within ``doubt`` of it; None if
+        ``doubt`` crosses the limit."""
         return combine_verdicts(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 
 
 def combine_verdicts(verdicts: Iterable[bool | None]) -> bool | None:
-    """Combine verdicts: True if all hold, False if one fails, otherwise None because one is unknown."""
+    """Combine verdicts: True if all are true, False if one is false, otherwise None because one is unknown."""
     found = list(verdicts)
     return False if False in found else None if None in found else True
 
@@ -62,7 +61,7 @@ def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | 
 
 
 def make_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
-    """The tolerance with these limits; a mean disparity error of PX without any.
+    """Make the tolerance with these limits, or, without any, with the default mean disparity error PX.
 
     Raises IcyMoonError for a limit out of range: a smaller error is lost in noise, and with a larger error stereo is
     useless.

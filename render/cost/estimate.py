@@ -65,7 +65,7 @@ _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
 @dataclass(frozen=True)
 class _LightBytes:
     """Bytes of light per pixel that shows ground, of images of 160 columns (``python benchmarks disk``). Light of ice
-    in sunlight is the same in three bands, so it takes a third of its full size; samples add bytes, up to ``most``."""
+    in sunlight is the same in three bands, so it takes a third of its full size. Samples add bytes, up to ``most``."""
 
     one_sample: float
     per_doubling: float
@@ -78,9 +78,10 @@ class _LightBytes:
 
 @dataclass(frozen=True)
 class _NormalBytes:
-    """Bytes of normals per pixel that shows ground. The normal of a facet is the same on all its pixels: with edges of
+    """Bytes of normals per pixel that shows ground. The normal of a facet is the same on all its pixels. With edges of
     e pixels on the screen, normals take the fraction 1 - exp(-a e^b) of ``most``, where a is ``edges`` and b is
-    ``power``."""
+    ``power``.
+    """
 
     shading: float
     most: float
@@ -162,7 +163,7 @@ class Work:
     rocks: bool = False
 
     def seconds(self, triangles: float) -> float:
-        """Processor seconds of the pair in a scene of ``triangles`` triangles that is already built."""
+        """Return the processor seconds of the pair in a scene of ``triangles`` triangles that is already built."""
         mpx = self.pixels / 1e6
         return (
             _PAIR_S
@@ -179,7 +180,7 @@ class Work:
 
 
 def estimate_work(settings: Settings) -> Work:
-    """The work of a pair with these complete settings."""
+    """Estimate the work of a pair with these complete settings."""
     quality = choose_image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
@@ -193,14 +194,14 @@ def estimate_work(settings: Settings) -> Work:
 
 
 def count_pixels(settings: Settings) -> int:
-    """Pixels of the light of both eyes, margins included, and of the cameras beside them."""
+    """Count the pixels of the light of both eyes, margins included, and of the cameras beside them."""
     width, height = find_light_px(settings)
     eyes = 2 * width * height if settings.rig.images == "PAIR" else 0
     return eyes + count_head_pixels(str(settings.rig.head_file))
 
 
 def count_head_pixels(file: str) -> int:
-    """Pixels that are rendered for the cameras of a head; 0 for an unreadable head, which others report."""
+    """Count the pixels that are rendered for the cameras of a head; 0 for an unreadable head, which others report."""
     try:
         return _count_head_pixels(Path(file), Path(file).stat().st_mtime_ns) if file else 0
     except (OSError, IcyMoonError):
@@ -213,7 +214,8 @@ def _count_head_pixels(path: Path, _modified_ns: int) -> int:
 
 
 def estimate_bytes(settings: Settings) -> float:
-    """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
+    """Estimate the bytes of the images of a pair with these complete settings, before any pair of the scene is
+    known."""
     quality, light = choose_image_quality(settings), settings.light
     rounded = list_rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
@@ -247,7 +249,7 @@ def estimate_bytes(settings: Settings) -> float:
 
 
 def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
-    """Bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
+    """Compute the bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     fraction = 1.0 if graded else stored.grid
     if edge_px := settings.mesh.edge_px if graded else _edge_px(settings):
@@ -259,8 +261,8 @@ def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
 
 
 def _edge_px(settings: Settings) -> float:
-    """Edge in pixels of a facet of ungraded ground at the centre of the view; 0 if unknown before the ground is
-    read."""
+    """Compute the edge in pixels of a facet of ungraded ground at the centre of the view; 0 if unknown before the
+    ground is read."""
     rig, source = settings.rig, settings.source
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
@@ -274,7 +276,7 @@ def _edge_px(settings: Settings) -> float:
 
 
 def compute_sky_fraction(settings: Settings) -> float:
-    """Fraction of an image above the edge of level ground: above the horizon, or above the rim of a patch."""
+    """Compute the fraction of an image above the edge of level ground, which is the horizon or the rim of a patch."""
     rig, source = settings.rig, settings.source
     camera = StereoCamera.from_settings(rig)
     endless = source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
@@ -286,7 +288,7 @@ def compute_sky_fraction(settings: Settings) -> float:
 
 
 def _sample_cost(settings: Settings, topic: str) -> float:
-    """Cost of a sample that hits a surface, relative to Lambert's law with shaded relief."""
+    """Compute the cost of a sample that hits a surface, relative to Lambert's law with shaded relief."""
     surface, hapke = simplify_surface(settings, topic), settings.hapke
     relative = _COST_BY_MODEL[surface.model]
     if surface.model == "HAPKE":
@@ -308,7 +310,8 @@ def _sample_cost(settings: Settings, topic: str) -> float:
 
 
 def estimate_mean_samples(samples: int, threshold: float) -> float:
-    """Mean number of samples per pixel under a noise threshold (0: no threshold), with at most ``samples`` each.
+    """Estimate the mean number of samples per pixel under a noise threshold (0: no threshold), with at most ``samples``
+    each.
 
     Measured by ``python benchmarks plan_cost``.
     """
@@ -318,7 +321,7 @@ def estimate_mean_samples(samples: int, threshold: float) -> float:
 
 
 def build_seconds(settings: Settings, triangles: float) -> float:
-    """Processor seconds of building a scene."""
+    """Return the processor seconds of building a scene."""
     traced = _RAYS_S_PER_MTRI * (settings.quality.truth == "FULL" and settings.quality.truth_by == "RAYS")
     return (
         _SCENE_S
@@ -333,10 +336,10 @@ class Estimate:
     """The work of a plan, and its remaining part.
 
     ``geometries``, ``surfaces`` and ``lights`` count distinct geometries, surfaces and lights; ``scenes`` is the number
-    of builds. ``seconds`` are the processor seconds of all pairs, ``left_s`` the processor seconds of the pairs still
-    to render, and ``left_wall_s`` the time for these by the clock. In 19 of 20 cases the true value lies between
-    ``left_s`` divided by ``factor`` and ``left_s`` times ``factor``. ``measured`` is the number of complete pairs that
-    corrected the estimate; with none, the estimate rests on ``basis``.
+    of builds. ``seconds`` are the processor seconds of all pairs. ``left_s`` are the processor seconds of the pairs
+    still to render, and ``left_wall_s`` is the time for these by the clock. In 19 of 20 cases the true value lies
+    between ``left_s`` divided by ``factor`` and ``left_s`` times ``factor``. ``measured`` is the number of complete
+    pairs that corrected the estimate; with 0, the estimate rests on ``basis``.
     """
 
     pairs: int
@@ -355,7 +358,7 @@ class Estimate:
     basis: str
 
     def lines(self) -> list[str]:
-        """The estimate in words, one line per item."""
+        """Describe the estimate in words, one line per item."""
         left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
         basis = (
@@ -376,12 +379,12 @@ class Estimate:
         return lines
 
     def to_json(self) -> dict[str, Any]:
-        """The estimate as a JSON object."""
+        """Return the estimate as a JSON object."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
 
 
 def format_duration(seconds: float) -> str:
-    """'40 s', '12 min', '5.5 h' or '3.2 days'."""
+    """Format a duration, as '40 s', '12 min', '5.5 h' or '3.2 days'."""
     for unit, length, limit in (("s", 1.0, 99.0), ("min", 60.0, 99.0), ("h", 3600.0, 48.0)):
         if seconds <= limit * length:
             return f"{seconds / length:.2g} {unit}"
@@ -389,13 +392,13 @@ def format_duration(seconds: float) -> str:
 
 
 def format_size(count: float) -> str:
-    """'12 MB' or '3.4 GB'."""
+    """Format a number of bytes, as '12 MB' or '3.4 GB'."""
     return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
 
 
 def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
-    """The cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and correct the
-    estimate."""
+    """Estimate the cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and their
+    times correct the estimate."""
     pairs = order_pairs(pairs)
     keys = [
         tuple(
@@ -442,7 +445,7 @@ def _processor_seconds(
     expected: Mapping[str, float],
     lit: Set[str],
 ) -> float:
-    """Processor seconds of ordered pairs on the machine of the coefficients.
+    """Compute the processor seconds of ordered pairs on the machine where the coefficients were measured.
 
     ``scenes`` is the scene of each pair, ``triangles`` the number of triangles of each scene, and ``expected`` the
     seconds of each pair in a scene that is already built. A worker starts for each job and builds the scenes of that
@@ -466,10 +469,10 @@ def _processor_seconds(
 
 
 def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
-    """Estimate seconds on this machine and bytes of a number of ``pairs`` and ``grounds``, from the settings of
+    """Estimate the seconds on this machine and the bytes of a number of ``pairs`` and ``grounds``, from the settings of
     ``some`` pairs.
 
-    Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
+    This takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
     work = sum(estimate_work(each).seconds(ASSUMED_TRIANGLES) for each in some) / len(some) * pairs
     work += grounds * build_seconds(some[0], ASSUMED_TRIANGLES) + _PROCESS_START_S + _WORKER_START_S
@@ -480,7 +483,7 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
 
 
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
-    """Triangles of each scene: counted for a few, evenly chosen; the others get the mean of these."""
+    """Count the triangles of a few scenes, evenly chosen; the other scenes get their mean."""
     names = list(scenes)
     counted: dict[str, float] = {}
     for k in range(min(_MAX_COUNTED_SCENES, len(names))):
@@ -496,7 +499,7 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
 def _read_pairs(
     pairs: Sequence[PlannedPair], dataset: Path, there: set[str]
 ) -> list[tuple[PlannedPair, dict[str, Any]]]:
-    """The ``pair.json`` of complete pairs, of up to ``_MAX_TIMED_PAIRS`` of them."""
+    """Read the ``pair.json`` of up to ``_MAX_TIMED_PAIRS`` complete pairs."""
     found = []
     for pair in [pair for pair in pairs if pair.id in there][:_MAX_TIMED_PAIRS]:
         with suppress(IcyMoonError):  # verify reports the fault of such a pair
@@ -507,7 +510,7 @@ def _read_pairs(
 def _read_ratios(
     pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str], expected: Mapping[str, float]
 ) -> list[float]:
-    """Measured processor seconds of pairs over the expected seconds."""
+    """Read the measured processor seconds of pairs, and divide them by the expected seconds."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
         taken, quality = facts.get("seconds", {}), facts["settings"].get("quality", {})
@@ -521,7 +524,7 @@ def _read_ratios(
 
 
 def estimate_prior_spread(speed: Speed | None, gpu: bool) -> float:
-    """Standard deviation of the logarithm of the seconds before the first pair is measured."""
+    """Estimate the standard deviation of the logarithm of the seconds, before the first pair is measured."""
     return _PLAN_SPREAD_HERE if speed else _CARD_SPREAD if gpu else _PLAN_SPREAD
 
 
@@ -539,8 +542,8 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
 
 
 def estimate_remaining_bytes(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
-    """Bytes that rendering these pairs will write. Complete pairs correct the estimate; they count only if they are
-    rendered ``again``."""
+    """Estimate the bytes that rendering these pairs will write. Complete pairs correct the estimate; they count only if
+    they are rendered ``again``."""
     there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
     left = [pair for pair in pairs if again or pair.id not in there]
     return _count_bytes(pairs, left, dataset, there)
@@ -549,8 +552,8 @@ def estimate_remaining_bytes(pairs: Sequence[PlannedPair], dataset: Path, again:
 def _count_bytes(
     pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]
 ) -> float:
-    """Bytes that are still to be written: the expected bytes of the remaining pairs, corrected by the complete pairs,
-    and of the baked light of the remaining pairs."""
+    """Count the bytes that are still to be written: the expected bytes of the remaining pairs, corrected by the
+    complete pairs, and of the baked light of the remaining pairs."""
     known = [
         (sum(float(f["bytes"]) for f in facts["files"].values()), estimate_bytes(pair.settings))
         for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())

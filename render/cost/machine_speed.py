@@ -57,7 +57,7 @@ _ASSUMED_BUSY_SHARE = 0.85
 
 
 def to_wall_seconds(processor_s: float, speed: Speed | None) -> float:
-    """Wall seconds of ``processor_s`` processor seconds, which ``speed.factor`` has already corrected."""
+    """Convert ``processor_s`` processor seconds, which ``speed.factor`` has already corrected, to wall seconds."""
     return processor_s / (count_processors() * (speed.busy if speed else _ASSUMED_BUSY_SHARE))
 
 
@@ -66,7 +66,7 @@ def _speed_file() -> Path:
 
 
 def _read_speeds() -> dict[str, Any]:
-    """All stored speeds; empty if the file cannot be read."""
+    """Read all stored speeds; empty if the file cannot be read."""
     try:
         return dict(read_record(_speed_file(), TABLE, "delete it"))
     except (OSError, IcyMoonError):
@@ -78,9 +78,8 @@ def _speed_key(device: str, blender: str, count: int) -> str:
 
 
 def recall_speed(device: str, blender: str = "") -> Speed | None:
-    """The speed of this computer's ``device`` (CPU or GPU) with the present number of processors, in one version of
-    Blender or, without ``blender``, the speed measured last. None without a measurement.
-    """
+    """Recall the speed of this computer's ``device`` (CPU or GPU) with the present number of processors in one version
+    of Blender. Without ``blender``, it is the speed measured last. None without a measurement."""
     known = [
         (key, Speed(**{name: entry[name] for name in _SPEED_SHAPE if name in entry}))
         for key, entry in _read_speeds().items()

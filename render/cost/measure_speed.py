@@ -44,14 +44,14 @@ _PAIR_SHAPE = {
 
 
 def make_small_render(device: str, denoiser: bool = True) -> Settings:
-    """Complete settings of the small render, for a Blender with or without a denoiser."""
+    """Make the complete settings of the small render, for a Blender with or without a denoiser."""
     quality = {"device": device, **({} if denoiser else {"denoiser": "NONE"})}
     return merged(defaults(), _SMALL_RENDER, {"quality": quality})
 
 
 def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """The speed from the pairs of ``make_small_render``: from the fastest pair after the first, because other work on
-    the machine may slow a pair down.
+    """Read the speed from the pairs of ``make_small_render``. It is the speed of the fastest pair after the first,
+    because other work on the machine may slow a pair down.
 
     At least half of the processors are assumed to be at work: if a pair took longer, other work used the processors, or
     the pair is too small for all of them. Raises IcyMoonError if the pairs cannot be read.
@@ -70,7 +70,8 @@ def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
 
 
 def _read_times(facts: Mapping[str, Any], device: str) -> tuple[float, float]:
-    """Processor seconds at work and at hand while a pair was rendered, from its ``pair.json``."""
+    """Read, from its ``pair.json``, the processor seconds that a pair used, and those that were at hand during its
+    render."""
     held = count_processors() * (facts["seconds"]["render"] + facts["seconds"]["write"])
     return (facts["cpu_seconds"]["pair"] if device == "CPU" else held), held
 
@@ -88,8 +89,7 @@ def _make_speed(factor: float, device: str, facts: Mapping[str, Any], busy: floa
 
 
 def read_speed_of_pair(folder: Path) -> Speed | None:
-    """The speed that a pair shows which this machine has just rendered, with all processors and no other pair beside
-    it.
+    """Read the speed from a pair that this machine has just rendered, with all processors and no other pair beside it.
 
     None for a pair whose time shows little: it took less than ``_MIN_PAIR_S``, it has fewer threads than there are
     processors, shared baked light or edits by hand, or it was rendered on a graphics card, whose first pair includes a

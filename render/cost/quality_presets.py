@@ -37,7 +37,7 @@ class QualityPreset:
 
     @property
     def cost(self) -> str:
-        """For example '12 s (8 s to 18 s)', or the feature that Blender lacks."""
+        """Cost in words, for example '12 s (8 s to 18 s)', or the feature that Blender lacks."""
         if self.lacks:
             return self.lacks
         low, high = format_duration(self.seconds / self.factor), format_duration(self.seconds * self.factor)
@@ -45,22 +45,22 @@ class QualityPreset:
 
     @property
     def brief(self) -> str:
-        """For example '12 s, +0.03 px': the seconds of a pair, and the measured error that the quality adds to SGBM's,
-        if any.
-        """
+        """Cost and error in short, for example '12 s, +0.03 px': the seconds of a pair, and the measured error, if any,
+        that the quality adds to the error of SGBM."""
         added = f", {self.errors['sgbm_px']:+.2f} px" if self.errors else ""
         return "" if self.lacks else f"{format_duration(self.seconds)}{added}"
 
     @property
     def error(self) -> str:
-        """For example 'SGBM +0.031 px, radiance 4.1 %'; empty if no error was measured."""
+        """Error in words, for example 'SGBM +0.031 px, radiance 4.1 %'; empty if no error was measured."""
         if not self.errors:
             return ""
         return f"SGBM {self.errors['sgbm_px']:+.3f} px, radiance {100 * self.errors['radiance_rms']:.1f} %"
 
 
 def estimate_pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
-    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and their uncertainty as a factor.
+    """Estimate the wall seconds of a further pair of a scene of ``triangles`` triangles, and their uncertainty as a
+    factor.
 
     Light that is baked for the view of one pair counts; light that all pairs share does not.
     """
@@ -94,8 +94,8 @@ def list_qualities(
     speed: Speed | None,
     able: Abilities = Abilities(),  # noqa: B008  it is frozen
 ) -> list[QualityPreset]:
-    """The shipped qualities for a scene, cheapest first, then the scene's own. Each names the feature that a Blender
-    with the abilities ``able`` lacks.
+    """List the shipped qualities for a scene, cheapest first, then the scene's own. Each names the feature that a
+    Blender with the abilities ``able`` lacks.
 
     ``errors`` are from the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
     ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.
@@ -127,6 +127,7 @@ def list_qualities(
 
 @cache
 def _read_preset(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
-    """Title, settings and measured errors of a preset; read once, since the window draws them at every redraw."""
+    """Read the title, settings and measured errors of a preset. Each preset is read once, since the window draws them
+    at every redraw."""
     path = find_preset(name)
     return read_preset_header(name)[0], load(path), read_toml(path).get("measured", {})

@@ -35,7 +35,7 @@ from .estimate import estimate_work
 _FULL_BUILD = Abilities()
 #: Topics of settings by the name of the variant.
 _Parts = dict[str, dict[str, dict[str, Any]]]
-#: Groups of variants, with their meanings.
+#: Groups of variants, each with its meaning.
 GROUPS = {
     "samples": "samples per pixel, with and without a denoiser",
     "bounces": "maximum number of diffuse bounces",
@@ -95,7 +95,7 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
 
     With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. There are two renders of
     half the ``samples`` each, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two
-    samples, and for more than two renders take.
+    samples, and for more samples than two renders take.
     """
     if not 2 <= samples <= _MAX_REFERENCE_SAMPLES:
         raise IcyMoonError(
@@ -131,7 +131,7 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
 
 
 def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _FULL_BUILD) -> list[Variant]:
-    """The variants of complete settings in the named ``groups``, after the scene as it is described.
+    """List the variants of complete settings in the named ``groups``, after the unchanged scene.
 
     Without ``groups``, all groups that the scene has are varied. Equal settings appear once for each kind of reference,
     see ``SHAPES``. Only variants that a Blender with the abilities ``able`` can render are listed. Raises IcyMoonError
@@ -166,7 +166,8 @@ class _Shortcut:
 
 
 def list_baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
-    """The ways to bake the light of a scene to a ``quality.bake_area``, by name; empty if its light cannot be baked."""
+    """List the ways to bake the light of a scene to a ``quality.bake_area``, by name; empty if its light cannot be
+    baked."""
     return {name: merged(settings, part) for name, part in _baked_parts(settings, area).items()}
 
 
@@ -187,7 +188,8 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
 
 
 def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
-    """The features of the scene that a render may omit: shaded relief, subsurface scattering, labels and normals."""
+    """List the features of the scene that a render may omit: shaded relief, subsurface scattering, labels and
+    normals."""
     found = []
     topics = surface_topics(settings)
     if any(
@@ -205,7 +207,7 @@ def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
 
 
 def list_settings_with_less_light(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
-    """Settings by name; each step leaves out one more part of the scene's light."""
+    """List settings by name; each further one leaves out one more part of the scene's light."""
     return {
         part.without: {"quality": {part.key: part.lean}}
         for part in _list_shortcuts(settings)
@@ -214,7 +216,7 @@ def list_settings_with_less_light(settings: Settings) -> dict[str, dict[str, dic
 
 
 def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
-    """Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
+    """Make Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
     incidence = math.radians(90.0 - min(max(compute_sky(settings.light).sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:
@@ -243,7 +245,7 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
-    """The renderable ways to compute the light of a scene in a Blender with the abilities ``able``, cheapest by
+    """List the ways in which a Blender with the abilities ``able`` can compute the light of a scene, cheapest by
     expected cost first. A search may stop at the first candidate that is good enough.
 
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
@@ -260,7 +262,7 @@ def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: i
 
 
 def _image_seconds(settings: Settings, images: int) -> float:
-    """Processor seconds of an image, with its share of the bake."""
+    """Compute the processor seconds of an image, with its share of the bake."""
     bake = estimate_bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
     return estimate_work(settings).seconds(0.0) + bake
 
@@ -270,9 +272,8 @@ def _has_graded_mesh(settings: Settings) -> bool:
 
 
 def _list_sample_counts(denoisers: Iterable[str], **quality: float) -> _Parts:
-    """Variants of the number of samples with each of these denoisers. Above some number of samples a denoiser costs
-    more than it saves.
-    """
+    """List the variants of the number of samples with each of these denoisers. Above some number of samples a denoiser
+    costs more than it saves."""
     return {
         f"{format_count(n, 'sample')}{_DENOISER_SUFFIXES[denoiser]}": {
             "quality": {"samples": n, "denoiser": denoiser, **quality, **_TRACED_LIGHT}
@@ -356,7 +357,8 @@ _PARTS_BY_GROUP: dict[str, Callable[[Settings], _Parts]] = {
     "threshold": _list_thresholds,
     "indirect": _list_baked,
     "shortcuts": _list_left_out,
-    # ``files`` does not count in ids, so these are of the same render; they differ by what the files lose.
+    # ``files`` does not count in ids, so these variants are of the same render; they differ by the precision that the
+    # files lose.
     "files": lambda _: {
         "compact": {"quality": {"files": "COMPACT"}},
         "all in 32 bits": {"quality": {"files": "FULL", "half_floats": "NONE"}},

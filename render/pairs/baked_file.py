@@ -54,14 +54,14 @@ class BakedLight:
 
 
 def make_file_name(key: str, checksum: str) -> str:
-    """The name of a file of baked light with this key and SHA-256 checksum."""
+    """Make the name of a file of baked light with this key and SHA-256 checksum."""
     return f"{key}-{checksum[:_CONTENT_DIGITS]}.npz"
 
 
 def parse_name(name: str) -> tuple[str, str] | None:
     """Parse the key and the checksum's first digits from a file's name; the digits are empty in older names.
 
-    None if the name is not the name of baked light.
+    None if it is not the name of a file of baked light.
     """
     found = _FILE_NAME.fullmatch(name)
     return (found[1], found[2] or "") if found else None
@@ -119,7 +119,7 @@ def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: 
 
 
 def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
-    """The content of a regular file with this checksum; None for a link, a missing or a changed file."""
+    """Read the content of a regular file with this checksum; None for a link, and for a missing or changed file."""
     try:
         if path.is_symlink() or path.parent.is_symlink():
             return None

@@ -67,7 +67,8 @@ def find_contradictions(
 
 
 def _describe_blur(settings: Settings) -> dict[str, Any]:
-    """The numbers of the table "blur"; empty if the camera response was changed to one that cannot be rendered."""
+    """Return the table "blur" with its numbers; empty if the camera response was changed to one that cannot be
+    rendered."""
     try:
         blur = find_blur(settings)
     except IcyMoonError:
@@ -78,7 +79,7 @@ def _describe_blur(settings: Settings) -> dict[str, Any]:
 def _compare_poses(
     data: Mapping[str, Any], settings: Settings, eyes: Mapping[str, Any], by_hand: bool
 ) -> Iterator[str]:
-    """Contradictions in the poses of the eyes, except their height above the ground, which is not derived."""
+    """Yield contradictions in the poses of the eyes, except their height above the ground, which is not derived."""
     name = next((key for key in ("poses_rectified_to_world", "poses_camera_to_world") if data.get(key)), "")
     if not name or (name == "poses_camera_to_world" and settings.rig.toe_in_deg):
         return
@@ -118,7 +119,7 @@ def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> It
 
 
 def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object, by_hand: bool) -> Iterator[str]:
-    """Contradictions in the table "light": with the settings, and of angles with directions."""
+    """Yield contradictions in the table "light": with the settings, and of angles with directions."""
     facts = {} if by_hand else _describe_sky(settings, ground)
     sun = sun_from_json(light)
     if sun is not None and (facts or "source" in light["sun"]):
@@ -172,7 +173,7 @@ def _compare_lamps(stated: object, settings: Settings) -> Iterator[str]:
 
 
 def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings) -> Iterator[str]:
-    """Contradictions in the entry on indirect light: with the settings, the noise limit and the light groups."""
+    """Yield contradictions in the entry on indirect light: with the settings, the noise limit and the light groups."""
     asked = settings.quality.indirect == "BAKED"
     if asked != isinstance(stated, Mapping):
         yield _describe_contradiction("indirect", stated, {} if asked else None)
@@ -192,7 +193,7 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
 
 
 def _describe_sky(settings: Settings, ground: object) -> dict[str, Any]:
-    """The table of ``sky.describe_sky``; empty if it needs kernels, or settings that are no longer accepted."""
+    """Return the table of ``sky.describe_sky``; empty if it needs kernels, or settings that are no longer accepted."""
     if settings.light.directions_from == "KERNELS":
         return {}
     try:
@@ -223,9 +224,8 @@ def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterato
 
 
 def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> Iterator[str]:
-    """Contradictions in a direction. Its angles are compared as a direction, since every azimuth is valid at the
-    zenith, and north is 0° and 360°.
-    """
+    """Yield contradictions in a direction. Its angles are compared as a direction, since at the zenith every azimuth is
+    valid, and north is both 0° and 360°."""
     yield from _compare_value(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE_PRECISION)
     angles = {"elevation_deg": elevation_deg(wanted), "azimuth_deg": azimuth_deg(wanted)}
     elevation, azimuth = (stated.get(key, angle) for key, angle in angles.items())

@@ -39,17 +39,17 @@ _PAIR_FILES = re.compile(
 
 
 def pairs_folder(dataset: Path) -> Path:
-    """The folder of a data set that contains its pairs."""
+    """Return the folder of a data set that contains its pairs."""
     return dataset / "pairs"
 
 
 def folder_of_pair(dataset: Path, name: str) -> Path:
-    """The folder of a pair, by its name: its id."""
+    """Return the folder of a pair in a data set. Its name is the pair's id."""
     return pairs_folder(dataset) / name
 
 
 def is_pair_id(name: str) -> bool:
-    """Whether a name is the id of a pair."""
+    """Return whether a name is the id of a pair."""
     return bool(_PAIR_ID.fullmatch(name))
 
 
@@ -64,22 +64,22 @@ def check_id(value: object, where: object) -> str:
 
 
 def is_unfinished_name(path: Path) -> bool:
-    """Whether a path has the name of one of our unfinished files or folders."""
+    """Return whether a path has the name of one of our unfinished files or folders."""
     return bool(re.fullmatch(rf".+{_PART_SUFFIX}", path.name))
 
 
 def is_pair_name(path: Path) -> bool:
-    """Whether a path has the name of a pair, finished or not."""
+    """Return whether a path has the name of a pair, finished or not."""
     return bool(_NAMES_BY_FOLDER["pairs"].fullmatch(path.name)) and not path.name.startswith(".")
 
 
 def is_claim_name(path: Path) -> bool:
-    """Whether a path has the name of a claim."""
+    """Return whether a path has the name of a claim."""
     return bool(re.fullmatch(_CLAIM_NAME, path.name))
 
 
 def is_regular_file(path: Path) -> bool:
-    """Whether there is a regular file, not a link. Raises OSError if the system refuses to tell."""
+    """Return whether a path is a regular file, not a link. Raises OSError if the system refuses to tell."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
@@ -100,7 +100,8 @@ def check_no_link(*paths: Path) -> None:
 
 
 def find_reason_to_keep(path: Path, dataset: Path) -> str:
-    """The reason why a file or folder of a data set may not be removed, as a clause; empty if Icy Moon wrote it."""
+    """Find the reason why a file or folder of a data set may not be removed, as a clause; empty if Icy Moon wrote
+    it."""
     inside = path.parent.relative_to(dataset).as_posix() if path.parent != dataset else ""
     kind = "pairs/*" if _PAIR_ID.fullmatch(inside.removeprefix("pairs/")) else inside
     if kind not in _NAMES_BY_FOLDER or not _NAMES_BY_FOLDER[kind].fullmatch(path.name):
@@ -117,7 +118,7 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
 
 
 def list_foreign_files(folder: Path) -> list[Path]:
-    """Files, folders and links in a pair's folder that Icy Moon did not write; the path itself if it is not a
+    """List the files, folders and links in a pair's folder that Icy Moon did not write; the path itself if it is not a
     folder."""
     if not folder.is_dir():
         return [folder] if folder.exists() else []

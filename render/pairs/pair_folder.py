@@ -76,7 +76,8 @@ class Pair:
         return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:
-        """Path of ``left.exr`` or ``right.exr``, the light. Raises IcyMoonError if the pair has no images of eyes."""
+        """Return the path of the radiance image, ``left.exr`` or ``right.exr``. Raises IcyMoonError if the pair has no
+        images of eyes."""
         if not self.has_eyes:
             raise IcyMoonError(
                 f"{self.folder} has no stereo pair, only cameras of a head (rig.images is HEAD); export it as head, "
@@ -85,19 +86,18 @@ class Pair:
         return self.folder / f"{eye}.exr"
 
     def truth(self, eye: str) -> Path:
-        """The file with the truth of an eye of the parallel rig: the image's file, unless the pair has a
-        separate one.
-        """
+        """Return the file with the truth of an eye of the parallel rig: the image's file, unless the pair has a
+        separate one."""
         return self._file_or_image(eye, TRUTH_FILE)
 
     def truth_of_image(self, eye: str) -> Path:
-        """The file with the truth at the pixels of the rendered image; a separate file if the eyes are toed in."""
+        """Return the file with the truth at the pixels of the rendered image; a separate file if the eyes are toed
+        in."""
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
 
     def truth_of_sensor(self, eye: str) -> Path:
-        """The file with the truth at the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
-        ``right_raw_truth.exr``.
-        """
+        """Return the file with the truth at the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
+        ``right_raw_truth.exr``."""
         return self.folder / RAW_TRUTH_FILE.format(eye)
 
     @property
@@ -116,7 +116,8 @@ class Pair:
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
     def rectified_pose(self, eye: str) -> Array | None:
-        """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None without a pose."""
+        """Return the matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None without a
+        pose."""
         try:
             pose = np.array((self.rectified_poses or {})[eye], np.float64)
         except (KeyError, TypeError, ValueError):
@@ -129,7 +130,8 @@ class Pair:
         return find_rolling_shutter(self.settings.rig)
 
     def row_poses(self, eye: str) -> Array | None:
-        """The ``rectified_pose`` of an eye, (4, 4); with a rolling shutter the poses of its rows, (H, 4, 4)."""
+        """Return the ``rectified_pose`` of an eye, (4, 4), or, with a rolling shutter, the poses of its rows,
+        (H, 4, 4). None without a pose."""
         pose, shutter = self.rectified_pose(eye), self.rolling_shutter
         if pose is None or shutter is None:
             return pose
@@ -140,13 +142,14 @@ class Pair:
 
 
 def refuse_rolling_shutter(pair: Pair, why: str, fix: str) -> None:
-    """Raise IcyMoonError if the rows of a pair have different poses. ``why`` and ``fix`` are parts of the sentence."""
+    """Raise IcyMoonError if the rows of a pair have different poses. ``why`` and ``fix`` are parts of the error's
+    sentence."""
     if pair.rolling_shutter is not None:
         raise IcyMoonError(f"{pair.folder} has a rolling shutter (rig.readout_s), and {why}; {fix}.")
 
 
 def describe_rolling_shutter(pair: Pair) -> dict[str, Any]:
-    """The entry ``rolling_shutter`` of the calibrations of exports; nothing if all rows have one pose."""
+    """Return the entry ``rolling_shutter`` for the calibrations of exports; empty if all rows have one pose."""
     return {} if pair.rolling_shutter is None else {"rolling_shutter": pair.rolling_shutter.to_json()}
 
 
@@ -161,7 +164,7 @@ _PAIR_FILES_SHAPE = {"files": Each(TABLE, FILE_NAME, _IMAGE_FILES)}
 _HEAD_ONLY = {"settings": {"rig": {"images": Kind("HEAD", "HEAD".__eq__)}}}
 _MATRIX_BY_EYE = Maybe(dict.fromkeys(EYES, MATRIX))
 _NAMED_NUMBERS = Maybe(Each(NUMBER, TEXT))
-#: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
+#: Entries of ``pair.json`` that are read here; for the settings see ``settings.check``.
 _PAIR_SHAPE = {
     "format": TEXT,
     "version": COUNT,
@@ -270,7 +273,7 @@ def _has_eyes(settings: Settings) -> bool:
 
 
 def _make_file_schema(data: dict[str, Any]) -> Mapping[str, Any]:
-    """The required shape of the files of a ``pair.json``, beside the shape that all of them have."""
+    """Make the required shape of the files in a ``pair.json``, in addition to the shape that all files have."""
     return {} if not find_fault(data, _HEAD_ONLY) else _PAIR_FILES_SHAPE
 
 
@@ -285,7 +288,7 @@ def _check_statements(pair: Pair, path: Path) -> None:
 
 
 def _find_contradictions(pair: Pair) -> Iterator[str]:
-    """The entries of a pair's ``pair.json`` that contradict its settings, as clauses."""
+    """Yield a clause for each entry of a pair's ``pair.json`` that contradicts its settings."""
     camera = make_camera_with_eyes(pair.settings)
     stated = {**pair.data, "camera": {**pair.data["camera"], **_numbers_of(pair.camera)}}
     yield from find_contradictions(
@@ -305,7 +308,7 @@ def _numbers_of(camera: StereoCamera) -> dict[str, Any]:
 
 
 def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
-    """The names of the files of a pair with these settings, besides ``pair.json``."""
+    """List the names of the files of a pair with these settings, besides ``pair.json``."""
     kinds = [
         "{}.exr",
         *([TRUTH_FILE] if camera.toe_in_deg or camera.panorama or is_blurred(settings.rig) else []),
@@ -317,19 +320,19 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
 
 
 def _list_head_files(pair: Pair) -> set[str]:
-    """The required names of the files of the cameras beside a pair."""
+    """List the required names of the files of the cameras beside a pair."""
     return {image_file(each.name) for each in pair.head} | {
         truth_file(each.name) for each in pair.head if not is_plain(each.projection)
     }
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether a pair exists and can be read, see ``is_whole``. False if the system refuses."""
+    """Return whether a pair exists and can be read, see ``is_whole``. False if the system refuses."""
     return read_complete(folder) is not None
 
 
 def read_complete(folder: Path) -> dict[str, Any] | None:
-    """The content of the ``pair.json`` of a whole, readable pair, see ``read_whole``; else None."""
+    """Read the content of the ``pair.json`` of a whole, readable pair, see ``read_whole``; None for any other pair."""
     try:
         return read_whole(folder)
     except OSError:
@@ -379,7 +382,7 @@ def has_stated_files(folder: Path, data: Any) -> bool:
 def has_response(
     folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restore_settings
 ) -> bool:
-    """Whether a pair, whose ``pair.json`` has the content ``data``, has the camera response of these settings."""
+    """Return whether a pair has the camera response of these settings. ``data`` is the content of its ``pair.json``."""
     path = folder / "pair.json"
     check_record(data, _SETTINGS_SHAPE, path, _RENDER_AGAIN)
     stated = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
@@ -404,7 +407,7 @@ def update_response(folder: Path, settings: Settings) -> None:
 
 
 def find_pair_folders(path: Path) -> list[Path]:
-    """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
+    """Find the folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 
     Raises IcyMoonError if there is no complete pair at ``path``.
     """
@@ -420,18 +423,18 @@ def _find_pairs_in(path: Path) -> Iterator[Path]:
 
 
 def has_pairs(path: Path) -> bool:
-    """Whether there is a complete pair at ``path``, see ``find_pair_folders``."""
+    """Return whether there is a complete pair at ``path``, see ``find_pair_folders``."""
     return os.path.lexists(path / "pair.json") or next(_find_pairs_in(path), None) is not None
 
 
 def find_pairs(path: Path) -> list[Pair]:
-    """The complete pairs at ``path``, read; see ``find_pair_folders`` and ``read_pair``."""
+    """Find and read the complete pairs at ``path``; see ``find_pair_folders`` and ``read_pair``."""
     restore = Restorer()
     return [read_pair(folder, restore) for folder in find_pair_folders(path)]
 
 
 def find_changed_files(pair: Pair) -> list[str]:
-    """Names of the pair's files whose content has changed since the render."""
+    """Find the names of the pair's files whose content has changed since the render."""
     return [
         name
         for name, fact in pair.data["files"].items()

@@ -1,4 +1,4 @@
-"""The sky of a pair: from its settings, or over the site of the map that its ground is from."""
+"""Computes the sky of a pair: from its settings, or over the site of the map that its ground is from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NUMBERS = ("latitude_deg", "longitude_deg", "north_deg")
 
 
 def compute_pair_sky(settings: Settings, ground: object) -> Sky:
-    """The sky of a pair's settings and of the entry ``ground`` of its ``pair.json``. Raises IcyMoonError as
+    """Compute the sky from a pair's settings and the entry ``ground`` of its ``pair.json``. Raises IcyMoonError as
     ``compute_sky`` does."""
     place = ground.get("map") if isinstance(ground, Mapping) else None
     known = isinstance(place, Mapping) and all(is_number(place.get(key)) for key in _NUMBERS)

@@ -1,4 +1,4 @@
-"""The scene and the split of each pair in a data set: all pairs of one ground are in the same split."""
+"""Names the scene and chooses the split of each pair in a data set. All pairs of one ground are in the same split."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DEFAULT_SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
 
 def name_scene(pair: Pair) -> str:
-    """The name of the ground and the rocks of a pair: twelve hexadecimal digits of all settings on which their shape
+    """Name the ground and the rocks of a pair by twelve hexadecimal digits of all settings on which their shape
     depends.
 
     The seed counts. Surfaces, light, cameras and qualities do not: another Sun does not make another scene.
@@ -48,7 +48,7 @@ def name_scene(pair: Pair) -> str:
 
 
 def name_independent_ground(pair: Pair) -> str:
-    """The name of the random numbers of a pair's ground, or of the file and the place in it: twelve hexadecimal digits.
+    """Name the random numbers of a pair's ground, or the file and the place in it, by twelve hexadecimal digits.
 
     Grounds of different names are independent, as far as settings tell. Grounds of one name are not: terrain of a seed
     has one shape, which its settings scale, and ground from a file is the same for all seeds.
@@ -65,7 +65,7 @@ def _make_name(content: object) -> str:
 
 
 def _changes_shape(name: str) -> bool:
-    """Whether the shape of ground and rocks depends on a setting, or on an entry of its list."""
+    """Return whether the shape of ground and rocks depends on a setting, or on an entry of its list."""
     topic, key, *_ = re.split(r"[. ]", pair_ids.find_present_name(name))
     return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
 
@@ -87,7 +87,7 @@ def check_splits(splits: object) -> dict[str, float]:
 
 
 def read_splits(dataset: Path) -> dict[str, float]:
-    """The shares of splits in the plan of a data set; ``DEFAULT_SPLITS`` without a plan or without shares in it.
+    """Read the shares of splits in the plan of a data set; ``DEFAULT_SPLITS`` without a plan or without shares in it.
 
     Raises IcyMoonError for a plan with invalid shares.
     """
@@ -103,7 +103,7 @@ def read_splits(dataset: Path) -> dict[str, float]:
 
 
 def _parse_plan(foreign: ForeignBytes) -> str:
-    """The text of the plan in the first line of the list of its pairs."""
+    """Parse the text of the plan from the first line of a frozen plan."""
     for most in (2**16, 2**21, 2**26):  # The plan is read for each pair, and the list may be long.
         first, end, _ = foreign.part(0, min(most, foreign.size)).partition(b"\n")
         if end or foreign.size <= most:
@@ -112,12 +112,13 @@ def _parse_plan(foreign: ForeignBytes) -> str:
 
 
 def find_split_of_pair(pair: Pair) -> str:
-    """The split of a pair, by the shares in the plan of its data set."""
+    """Find the split of a pair, by the shares in the plan of its data set."""
     return choose_split(name_scene(pair), read_splits(pair.folder.parent.parent))
 
 
 def choose_split(scene: str, splits: Mapping[str, float]) -> str:
-    """The split of a scene, drawn by its name, so that it is independent of the rest of the data set.
+    """Choose the split of a scene. It is drawn by the scene's name, so that it is independent of the rest of the data
+    set.
 
     The shares hold for many scenes; with a few scenes, a split may stay empty.
     """

@@ -33,7 +33,7 @@ class Extent:
 
 
 def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
-    """The whole cells that cover the square of a workspace. Raises IcyMoonError for too many."""
+    """Find the whole cells that cover the square of a workspace. Raises IcyMoonError for too many cells."""
     count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
     if PLACES_PER_SIDE * count > MAX_CELLS:
         raise IcyMoonError(
@@ -47,14 +47,15 @@ def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
 
 
 def list_workspace_files(workspace: WorkspaceSettings) -> tuple[str, ...]:
-    """The file names of the maps of a workspace in the folder of a pair."""
+    """List the file names of the maps of a workspace in the folder of a pair."""
     if workspace.cell_m <= 0:
         return ()
     return (WORKSPACE_FILE, MATERIALS_FILE) if workspace.materials else (WORKSPACE_FILE,)
 
 
 def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
-    """The table "workspace" of ``pair.json``: the files of its maps and their cells; None without a workspace."""
+    """Describe a workspace for the table "workspace" of ``pair.json``: the files of its maps and their cells; None
+    without a workspace."""
     if workspace.cell_m <= 0:
         return None
     extent = find_workspace_extent(workspace)

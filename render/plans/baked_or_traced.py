@@ -58,7 +58,7 @@ _MAX_POINTS_PER_SIDE = 129
 
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
-    """The settings of all pairs of a data set, with BAKED or TRACED in place of AUTO."""
+    """Return the settings of all pairs of a data set, with BAKED or TRACED in place of AUTO."""
     keys = [make_light_key(each) if each.quality.indirect == "AUTO" else "" for each in settings]
     images = Counter(keys)
     enough: dict[str, int] = {}
@@ -80,7 +80,7 @@ def resolve_auto_indirect(settings: Settings, images: int) -> Settings:
 
 
 def make_light_key(settings: Settings) -> str:
-    """A cache key of light: equal texts for pairs that can share baked light."""
+    """Make a cache key of light: equal texts for pairs that can share baked light."""
     quality = settings.quality
     seen = [rebuilt_parts.select_camera(settings)] if quality.bake_area == "VIEW" else []
     return json.dumps(
@@ -97,17 +97,15 @@ def make_light_key(settings: Settings) -> str:
 
 
 def find_break_even(settings: Settings) -> int:
-    """Number of images of a ground under one Sun from which on baked light costs less than traced light; 0 if it always
-    costs more.
-    """
+    """Find the smallest number of images of a ground under one Sun for which baked light costs less than traced light;
+    0 if it always costs more."""
     saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
     return 0 if saved <= 0 else max(1, round(0.5 + estimate_bake_seconds(settings) / saved))
 
 
 def estimate_bake_seconds(settings: Settings) -> float:
-    """Processor seconds to bake the light of a ground and its rocks, with the planet's light, at the full number of
-    samples.
-    """
+    """Estimate the processor seconds to bake the light of a ground and its rocks, with the planet's light, at the full
+    number of samples."""
     paths = settings.quality.bake_samples * _count_corners(settings)
     steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
     images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
@@ -120,19 +118,19 @@ def estimate_bake_seconds(settings: Settings) -> float:
 
 
 def estimate_light_bytes(settings: Settings) -> float:
-    """Bytes of the baked light of a ground and its rocks, with the planet's light."""
+    """Estimate the bytes of the baked light of a ground and its rocks, with the planet's light."""
     triangular = _is_of_triangles(settings) or settings.mesh.kind == "GRADED"
     vertices = _count_corners(settings) / (_CORNERS_PER_VERTEX if triangular else _CORNERS_PER_GRID_VERTEX)
     return (_BYTES_PER_VERTEX * vertices + _BYTES_PER_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
 
 
 def _is_of_triangles(settings: Settings) -> bool:
-    """Whether the mesh of ground from a file has triangles instead of quadrilaterals."""
+    """Return whether the mesh of ground from a file has triangles instead of quadrilaterals."""
     return settings.source.kind in ("STAND_IN", "MESH") or has_surroundings(settings)
 
 
 def _count_corners(settings: Settings) -> float:
-    """Number of corners to which light is baked; with ``quality.bake_area`` VIEW as if the ground were level."""
+    """Count the corners to which light is baked; with ``quality.bake_area`` VIEW as if the ground were level."""
     terrain, rig, source = settings.terrain, settings.rig, settings.source
     in_view = settings.quality.bake_area == "VIEW"
     if source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
@@ -154,7 +152,7 @@ def _count_corners(settings: Settings) -> float:
 
 @lru_cache(maxsize=256)
 def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
-    """Share of a level square of ``size_m`` metres in the view of a rig, sampled at ``points`` points along each
+    """Estimate the share of a level square of ``size_m`` metres in the view of a rig, from ``points`` points along each
     side."""
     rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)
@@ -163,14 +161,14 @@ def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str,
 
 
 def _count_points(settings: Settings) -> float:
-    """Points of rocks to which light is baked; for a table of rocks, an upper bound."""
+    """Count the points of rocks to which light is baked; for a table of rocks, an upper bound."""
     count = _count_rocks(settings)
     ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
     return sum(points * (end - start) for points, start, end in zip(POINTS_BY_DETAIL, ends, ends[1:], strict=False))
 
 
 def _count_rocks(settings: Settings) -> float:
-    """Rocks to which light is baked; for a table of rocks, an upper bound."""
+    """Count the rocks to which light is baked; for a table of rocks, an upper bound."""
     rocks = settings.rocks
     if rocks.coverage <= 0:
         return 0.0
@@ -183,7 +181,7 @@ def _count_rocks(settings: Settings) -> float:
 
 
 def _count_fragments(settings: Settings) -> float:
-    """Fragments around the rocks on the patch, from diameters in the middles of equal parts of the law."""
+    """Count the fragments around the rocks on the patch, from diameters in the middles of equal parts of the law."""
     rocks, law = settings.rocks, make_size_law(settings.rocks)
     area = settings.terrain.size_m**2
     count = min(float(rocks.most), law.total_per_m2 * area)

@@ -132,9 +132,8 @@ class _Grounds:
         return self._keys.of(settings)
 
     def find(self, settings: Settings) -> RockyGround:
-        """The ground of complete settings. Raises IcyMoonError if it is from a file, or if its settings contradict each
-        other.
-        """
+        """Find or make the ground of complete settings. Raises IcyMoonError if it is from a file, or if its settings
+        contradict each other."""
         if settings.source.kind != "PROCEDURAL":
             raise IcyMoonError(
                 "the heights of ground from a file are not known here; state rig.x_m, rig.y_m and the pose in a "
@@ -163,9 +162,9 @@ class CombinedPairs:
 def combine(
     design: PlanDesign, most_grounds: int = MAX_CHECKED_GROUNDS, report: Report = lambda done, total: None
 ) -> CombinedPairs:
-    """The pairs of a design, checked on ``most_grounds`` of its grounds.
+    """Combine the sweeps of a design into its pairs, and check them on ``most_grounds`` of its grounds.
 
-    If none of them can be rendered, raises IcyMoonError that names the line at fault.
+    If no pair can be rendered, raises IcyMoonError that names the line at fault.
     """
     grounds = _Grounds()
     made = _deal_grounds(list(_list_combinations(design)), design)
@@ -199,7 +198,7 @@ def combine(
 
 
 def _list_camera_sweeps(design: PlanDesign) -> list[Sweep]:
-    """The sweeps that place cameras, in the order of their application."""
+    """List the sweeps that place cameras, in the order of their application."""
     return sorted(
         (b for b in design.sweeps if b.kind in pose_sweeps.KINDS), key=lambda b: pose_sweeps.KINDS.index(b.kind)
     )
@@ -213,7 +212,7 @@ def _resolve_file_paths(part: Variation, design: PlanDesign) -> Variation:
 
 
 def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
-    """The combinations of the sweeps of settings, before the camera is placed."""
+    """Yield the combinations of the sweeps of settings, before the camera is placed."""
     base = _Combination(defaults(), ())
     for part in design.base:
         base = base.with_part(_resolve_file_paths(part, design))
@@ -265,7 +264,7 @@ def _replace_stand_ins(made: _Combination, there: dict[str, list[Path]]) -> _Com
 
 
 def _deal_grounds(made: list[_Combination], design: PlanDesign) -> list[_Combination]:
-    """The combinations with the ``design.grounds`` seeds of scenes, each about as often as the others.
+    """Deal the ``design.grounds`` seeds of scenes to the combinations, each about as often as the others.
 
     The order is random, so that the seeds do not correlate with a setting that varies. Ground from a file is the same
     for all seeds.
@@ -288,9 +287,8 @@ def _deal_grounds(made: list[_Combination], design: PlanDesign) -> list[_Combina
 
 
 def list_seeds(stated: int | list[int], seed: int) -> list[int]:
-    """Seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed. A larger number
-    begins with the same seeds.
-    """
+    """List the seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed. A
+    larger number begins with the same seeds."""
     if isinstance(stated, list):
         return stated
     return [int(seed_stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
@@ -310,7 +308,7 @@ def _place_cameras(
 
 
 def _locate_error(error: IcyMoonError, place: Place | None) -> IcyMoonError:
-    """An error that begins with the line at fault, unless it already names a line."""
+    """Make an error begin with the line at fault, unless it already names a line."""
     text = str(error)
     if place is None or text.startswith(str(place.file)):
         return error
@@ -326,7 +324,7 @@ def _check_headings(made: list[_Combination]) -> None:
 
 
 def _expand_headings(made: _Combination) -> Iterator[_Combination]:
-    """Settings at each of their ``dataset.headings`` turns; that setting is 1 in the results."""
+    """Yield the settings at each of their ``dataset.headings`` turns; that setting is 1 in the results."""
     headings = int(made.settings.dataset.headings)
     if headings == 1:
         yield made
@@ -355,9 +353,8 @@ def _read_content(made: _Combination) -> str:
 def _choose_grounds_to_check(
     made: Sequence[_Combination], grounds: _Grounds, most: int
 ) -> tuple[frozenset[str], frozenset[str]]:
-    """Keys of the procedural grounds on which the cameras of a plan are checked (all, or ``most`` at equal steps), and
-    keys of the others.
-    """
+    """Choose the procedural grounds on which the cameras of a plan are checked: all, or ``most`` at equal steps. Return
+    their keys, and the keys of the others."""
     there = list(
         dict.fromkeys(
             grounds.make_ground_key(each.settings) for each in made if each.settings.source.kind == "PROCEDURAL"
@@ -370,7 +367,7 @@ def _choose_grounds_to_check(
 def _find_refusals(
     made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str], report: Report
 ) -> list[IcyMoonError | None]:
-    """The reason why each combination cannot be rendered, as far as known before the build; None without a known
+    """Find the reason why each combination cannot be rendered, as far as known before the build; None without such a
     reason.
 
     Cameras are checked on the grounds ``looked_at``.

@@ -51,7 +51,7 @@ class FrozenPlan:
     note: str = ""
 
     def find_missing(self, dataset: Path) -> list[PlannedPair]:
-        """The pairs that are missing or incomplete."""
+        """Find the pairs that are missing or incomplete."""
         return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
 
 
@@ -81,8 +81,8 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
                 f"{dataset} contains another data set: {len(lacking)} of its "
                 f"{format_count(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
                 f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
-                "set, use icymoon work. For this plan choose another folder, or let it have those "
-                "pairs too."
+                "set, use icymoon work. For this plan choose another folder, or add those pairs to "
+                "it."
             )
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
@@ -102,7 +102,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
-    """The settings in which the missing ``known`` pairs differ from the others, in words."""
+    """Describe in words the settings in which the missing ``known`` pairs differ from the ``pairs``."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
         {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
@@ -125,12 +125,12 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
 
 
 def _value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
-    """The value of a setting as the id of a pair contains it, for comparison."""
+    """Return the value of a setting as the id of a pair contains it, for comparison."""
     return repr(find_value_in_id(".".join(name), pair.settings))
 
 
 def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The values of a setting before and now, in words; the values are by their form in ids."""
+    """Describe in words the values of a setting before and now. Both are given by their form in ids."""
     lost, new = ([each[key] for key in each if key not in other] for each, other in ((before, now), (now, before)))
     if len(before) == 1 == len(now):
         return f"{name} was {quote(lost[0])} and is {quote(new[0])}"
@@ -148,7 +148,7 @@ def _join_texts(texts: Sequence[str]) -> str:
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
-    """The frozen plan of a data set. Raises IcyMoonError if it is missing or cannot be read."""
+    """Read the frozen plan of a data set. Raises IcyMoonError if it is missing or cannot be read."""
     path = dataset / PLAN
     if not os.path.lexists(path):
         raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")

@@ -26,7 +26,7 @@ class _Layer:
     variations: list[dict[str, Any]]
 
     def covers(self, key: str) -> bool:
-        """Whether every variation sets a setting."""
+        """Return whether every variation sets a setting."""
         return all(key in part for part in self.variations)
 
 
@@ -60,7 +60,7 @@ def check_overwritten(
 
 
 def _list_named(sweep: Sweep) -> frozenset[str]:
-    """The settings that a sweep names itself, not by presets."""
+    """List the settings that a sweep names itself, not by presets."""
     tables = sweep.table.get("case", ()) if sweep.kind == "cases" else (sweep.table,)
     return frozenset(
         f"{topic}.{key}"
@@ -72,7 +72,7 @@ def _list_named(sweep: Sweep) -> frozenset[str]:
 
 
 def _list_stated(part: Variation) -> dict[str, Any]:
-    """The settings of a variation by their full names."""
+    """List the settings of a variation by their full names."""
     return {f"{topic}.{key}": value for topic, values in part.settings.items() for key, value in values.items()}
 
 
@@ -141,5 +141,5 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
 
 
 def _replace_hint(earlier: _Layer, later: _Layer) -> str:
-    """The end of a fix if the earlier sweep is of an extended plan; else empty."""
+    """Return the end of a fix, which proposes ``replaces``, if the earlier sweep is of an extended plan; else empty."""
     return f", or write replaces = '{earlier.name}'" if earlier.name and earlier.place.file != later.place.file else ""

@@ -51,10 +51,10 @@ _FEWEST_CHECKED_GROUNDS = 3
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan as read.
+    """A plan that was read from its file.
 
-    ``text`` is its TOML, ``designs`` are its combinations (several if it extends several plans), ``splits`` the shares
-    of its scenes in each split, if stated.
+    ``text`` is its TOML. ``designs`` are its combinations, several if it extends several plans. ``splits`` are the
+    shares of its scenes in each split, if stated.
     """
 
     path: Path
@@ -93,7 +93,7 @@ class Plan:
         return CombinedPairs(list(found.values()), refused, checked, unchecked - checked)
 
     def pairs(self) -> list[PlannedPair]:
-        """The pairs with complete settings, in the order of the plan, each once.
+        """List the pairs with complete settings, in the order of the plan, each once.
 
         Pairs of ``refused`` are included; a render sets them aside. Raises IcyMoonError if no pair can be rendered, or
         if a file is missing.
@@ -101,14 +101,15 @@ class Plan:
         return list(self.check().pairs)
 
     def refused(self) -> dict[str, str]:
-        """The reasons why some pairs cannot be rendered, by their ids: sentences with the line at fault.
+        """Return the reasons why some pairs cannot be rendered, by their ids. A reason is a sentence with the line at
+        fault.
 
         Raises IcyMoonError as ``pairs`` does.
         """
         return dict(self.check().refused)
 
     def describe_unchecked(self) -> str:
-        """A sentence on the grounds on which no cameras were checked; empty if all grounds were checked."""
+        """Describe in a sentence the grounds on which no cameras were checked; empty if all grounds were checked."""
         found = self.check()
         if not found.unchecked:
             return ""
@@ -118,7 +119,7 @@ class Plan:
         )
 
     def describe_draws(self) -> str:
-        """A sentence on seeds that repeat the draws of the first seed; empty if all draws differ."""
+        """Describe in a sentence the seeds that repeat the draws of the first seed; empty if all draws differ."""
         repeats = any(
             design.seeds is not None
             and not design.draw_again
@@ -134,7 +135,7 @@ class Plan:
         )
 
     def describe_trajectories(self) -> list[str]:
-        """A sentence on each trajectory that the plan follows. Raises IcyMoonError as ``pairs`` does."""
+        """Describe in a sentence each trajectory that the plan follows. Raises IcyMoonError as ``pairs`` does."""
         found = [
             trajectory_sweeps.describe_trajectory(sweep)
             for design in self.designs
@@ -144,17 +145,18 @@ class Plan:
         return list(dict.fromkeys(found))
 
     def describe_splits(self) -> str:
-        """A line on the splits of the plan; empty without splits."""
+        """Describe in a line the splits of the plan; empty without splits."""
         shown = ", ".join(f"{name} {100 * share:g} %" for name, share in (self.splits or {}).items())
         return f"Splits of the scenes: {shown}" if shown else ""
 
     def describe_stand_ins(self) -> list[str]:
-        """Sentences on the stand-ins that replace files of the GUISS paper in the pairs; empty without stand-ins."""
+        """Describe in sentences the stand-ins that replace files of the GUISS paper in the pairs; empty without
+        stand-ins."""
         return describe_stand_ins(self.check().pairs, [each.files for each in self.designs if each.files])
 
 
 def find_plan(name: str) -> Path:
-    """The file of a plan by its name: a shipped one, with or without its folder, or a path.
+    """Find the file of a plan by its name: a shipped one, with or without its folder, or a path.
 
     Raises IcyMoonError if there is no such plan.
     """
@@ -168,7 +170,7 @@ def find_plan(name: str) -> Path:
 
 
 def read_plan_header(path: Path) -> tuple[str, str]:
-    """Title and description of a plan; the rest of the plan is not read."""
+    """Read the title and the description of a plan; the rest of the plan is not read."""
     header = read_toml(path).get("plan", {})
     return str(header.get("title", path.stem)), str(header.get("description", ""))
 
@@ -179,7 +181,7 @@ def read_plan(path: Path) -> Plan:
 
 
 def parse_plan(path: Path, text: str) -> Plan:
-    """The plan of a file with this text. Raises IcyMoonError as ``read_plan`` does."""
+    """Parse the plan of a file with this text. Raises IcyMoonError as ``read_plan`` does."""
     return _parse_plan(path, parse_toml(text), text, ())
 
 
@@ -250,7 +252,7 @@ def _read_names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple
 
 
 def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[PlanDesign]:
-    """The designs that a plan begins with: the designs of the plans that it extends, or an empty one."""
+    """Return the designs that a plan begins with: the designs of the plans that it extends, or one empty design."""
     designs: list[PlanDesign] = []
     for name, at in _read_names(header, "extends", place):
         try:
@@ -272,14 +274,15 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
 
 
 def _add_settings(design: PlanDesign, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> PlanDesign:
-    """A design with the presets and settings of a plan over its base settings."""
+    """Return a design whose base settings are overridden by the presets and settings of a plan."""
     place = whole.at("plan")
     parts = [Variation(load_included(name, at), at) for name, at in _read_names(header, "include", place)]
     return replace(design, base=(*design.base, *parts, Variation(check_settings(data, whole), whole)))
 
 
 def _apply_header(design: PlanDesign, header: Mapping[str, Any], place: Place) -> PlanDesign:
-    """A design with the seeds, the grounds, the limit of pairs and the folder of files in the header of a plan."""
+    """Return a design with the seeds, the grounds, the limit of pairs and the folder of files that the header of a plan
+    states."""
     if "seeds" in header:
         design = replace(design, seeds=_read_seeds(header["seeds"], place.at("seeds")))
     if "draw_again" in header:
@@ -298,7 +301,7 @@ def _apply_header(design: PlanDesign, header: Mapping[str, Any], place: Place) -
 
 
 def _read_count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
-    """A whole number from the header."""
+    """Read a whole number from the header. Raises IcyMoonError if it is not a whole number from 1 up."""
     value = header[key]
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         raise IcyMoonError(f"{place.at(key)}: {key} is {quote(value)}, but must be a whole number of {what} from 1 up.")
@@ -306,7 +309,7 @@ def _read_count(header: Mapping[str, Any], key: str, what: str, place: Place) ->
 
 
 def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
-    """A number of seeds to draw, or the seeds themselves."""
+    """Read a number of seeds to draw, or the seeds themselves."""
     whole = [
         v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int) and not isinstance(v, bool)
     ]
@@ -322,7 +325,7 @@ def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
 
 
 def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: Place) -> list[PlanDesign]:
-    """Designs with one more sweep, or with this sweep in place of the sweep that it replaces."""
+    """Return the designs with one more sweep, or with this sweep in place of the sweep that it replaces."""
     kinds = (*setting_sweeps.KINDS, *pose_sweeps.KINDS)
     kind, replaces = table.get("kind"), _read_text(table, "replaces", place) or None
     if kind not in kinds:

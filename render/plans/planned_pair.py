@@ -16,16 +16,15 @@ from .baked_or_traced import choose_indirect
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """One pair to render: its id, its complete settings, and the angle by which the rig of an already built scene turns
-    for it (0 in a scene built from the pair's settings).
-    """
+    """One pair to render: its id, its complete settings, and the angle of its rig. The rig of a scene that is built
+    already turns by this angle for the pair; in a scene built from the pair's settings it is 0."""
 
     id: str
     settings: Settings
     turn_deg: float
 
     def folder(self, dataset: Path) -> Path:
-        """The folder of the finished pair."""
+        """Return the folder of the finished pair."""
         return folder_of_pair(dataset, self.id)
 
     @property
@@ -42,7 +41,7 @@ def compute_heading_deg(settings: Settings, k: int, headings: int) -> float:
 
 
 def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
-    """List the pairs of a complete description: ``dataset.headings`` headings in equal steps at the site.
+    """List the pairs of complete settings: ``dataset.headings`` headings in equal steps at the site.
 
     ``extra`` identifies content beside the settings, see ``settings.pair_ids.make_pair_id``. Raises IcyMoonError for
     blur that cannot be rendered.

@@ -57,7 +57,7 @@ def _read_length(sweep: Sweep, key: str, default: float) -> float:
 
 
 def _make_rig_variation(sweep: Sweep, **values: float) -> Variation:
-    """A variation that sets these values of the rig, rounded to six digits."""
+    """Make a variation that sets these values of the rig, rounded to six digits."""
     rig = {key: float(f"{value:.6g}") for key, value in values.items()}
     place = Place(sweep.place.file, sweep.place.text, sweep.place.key)
     try:
@@ -110,7 +110,8 @@ def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Vari
 def _look_at(
     target: Array, distance: float, elevation: float, azimuth: float, sweep: Sweep, standing: RockyGround
 ) -> Variation:
-    """A camera that looks at a target. Raises IcyMoonError if it is beyond the ground, or below the ground."""
+    """Make a camera that looks at a target. Raises IcyMoonError if the camera is beyond the ground, or below the
+    ground."""
     x, y, z = target + distance * direction_toward(azimuth, elevation)
     x, y = (float(f"{v:.6g}") for v in (x, y))
     height = z - float(standing.heights(x, y))
@@ -163,9 +164,8 @@ KINDS = tuple(_MAKER_BY_KIND)
 
 
 def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
-    """The settings in which the cameras of a sweep of one of ``KINDS`` differ, and the settings that the sweep
-    replaces. Equal rotations begin at ``rig.heading_deg``, and a view sphere is around the rig's position.
-    """
+    """List the settings in which the cameras of a sweep of one of ``KINDS`` differ, and the settings that the sweep
+    replaces. Equal rotations begin at ``rig.heading_deg``, and a view sphere is around the rig's position."""
     if sweep.kind == trajectory_sweeps.KIND:
         return trajectory_sweeps.SETTINGS, trajectory_sweeps.SETTINGS
     if sweep.kind == "panorama":

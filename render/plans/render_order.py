@@ -33,17 +33,18 @@ _PROCESSORS_PER_WORKER = 4
 
 
 def choose_worker_count() -> int:
-    """Default number of workers that render a data set on this machine."""
+    """Choose the default number of workers that render a data set on this machine."""
     return max(1, count_processors() // _PROCESSORS_PER_WORKER)
 
 
 def make_settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
-    """A text that is equal for pairs that agree in a part of their settings, such as ``rebuilt_parts.select_scene``."""
+    """Make a text that is equal for pairs that agree in a part of their settings, such as
+    ``rebuilt_parts.select_scene``."""
     return json.dumps(part(pair.settings))
 
 
 def order_pairs(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
-    """The same pairs, each once, in an order in which scenes change least, then surfaces, lights, landers and cameras.
+    """Order the pairs, each once, so that scenes change least, then surfaces, lights, landers and cameras.
 
     Within a stage the order follows the plan, whichever pairs are complete.
     """
@@ -55,12 +56,12 @@ def order_pairs(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
 
 
 def split_into_scene_runs(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
-    """Ordered pairs in runs that share a scene."""
+    """Split ordered pairs into runs that share a scene."""
     return [list(run) for _, run in groupby(pairs, lambda pair: make_settings_key(rebuilt_parts.select_scene, pair))]
 
 
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
-    """Ordered pairs in runs of similar length, one for each job.
+    """Cut ordered pairs into runs of similar length, one for each job.
 
     A run ends with a scene, unless the scene has enough pairs for several workers. A process renders at most
     ``most_scenes`` scenes.
@@ -81,7 +82,7 @@ def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) 
 
 
 def choose_shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
-    """The pairs of shard ``number`` (from 1) of ``count``, in order: runs of about equal length.
+    """Choose the pairs of shard ``number`` (from 1) of ``count``, in order: runs of about equal length.
 
     Shards have whole scenes if there are enough. All shards together are all pairs.
     """

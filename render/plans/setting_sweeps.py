@@ -89,7 +89,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
 
 
 def load_included(name: object, place: Place) -> Settings:
-    """Load the settings of a shipped preset, or of a settings file beside the plan, whose name ends in .toml."""
+    """Load the settings of a shipped preset, or of a settings file beside the plan, if the name ends in .toml."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
     try:
@@ -104,7 +104,7 @@ def make_axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generat
 
 
 def read_count(sweep: Sweep) -> int:
-    """Read the ``count`` that a sweep must state."""
+    """Read the ``count`` that a sweep must state. Raises IcyMoonError if it is not a whole number from 1 up."""
     value = sweep.table.get("count")
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         problem = "is missing" if value is None else f"is {quote(value)}"
@@ -124,7 +124,8 @@ def check_pair_count(pairs: int, place: Place) -> None:
 
 
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
-    """The setting that a factor names."""
+    """Find the setting that a factor names. Raises IcyMoonError for an unknown setting, and for one that a sweep may
+    not vary."""
     if topic not in TOPICS:
         raise IcyMoonError(f"{place}: unknown topic {shorten(topic)}, {suggest_topic(topic, TOPICS)}")
     known = {s.key: s for s in TOPICS[topic].settings}
@@ -136,7 +137,8 @@ def _find_setting(topic: str, key: str, place: Place) -> Setting:
 
 
 def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
-    """(name, setting or None for presets, stated value, place) of each factor that a sweep varies."""
+    """Read the factors that a sweep varies: for each, its name, its setting (None for presets), its stated value and
+    its place."""
     found: list[tuple[str, Setting | None, Any, Place]] = []
     for topic, values in sweep.table.items():
         if topic in also:
@@ -172,7 +174,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
 
 
 def _read_part(name: str, value: object, place: Place) -> Settings:
-    """The settings that a factor's value sets."""
+    """Read the settings that a factor's value sets."""
     if name.split(".")[0] in (_PRESET_KEY, _PRESETS_KEY):
         return load_included(value, place)
     topic, key = name.split(".")
@@ -180,7 +182,7 @@ def _read_part(name: str, value: object, place: Place) -> Settings:
 
 
 def _read_listed(sweep: Sweep) -> list[list[Variation]]:
-    """The variations of each factor of a sweep that lists values."""
+    """List the variations of each factor of a sweep that lists values."""
     factors = []
     for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
@@ -239,7 +241,8 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
 
 
 def _read_law(name: str, setting: Setting | None, law: object, place: Place, kind: str) -> Callable[[Array], list[Any]]:
-    """Read a factor's distribution from the plan as a function from fractions (0 to 1) to its values."""
+    """Read a factor's distribution from the plan. Return a function that turns fractions from 0 to 1 into values of the
+    factor."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):
@@ -344,7 +347,7 @@ _MAKER_BY_KIND: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
 
 
 def make_setting_variations(sweep: Sweep, base: Settings) -> list[Variation]:
-    """The variations of a sweep of one of ``KINDS``, over complete settings.
+    """Make the variations of a sweep of one of ``KINDS``, over complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """

@@ -1,4 +1,5 @@
-"""The user's own files that replace stand-ins by name, in the folder that a plan states. Imports no Blender."""
+"""Replaces stand-ins by the user's own files of the same names, in the folder that a plan states. Imports no
+Blender."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 
 
 def list_files_by_name(folder: Path) -> dict[str, list[Path]]:
-    """The files of a folder by their names without suffix, in small letters; empty without such a folder."""
+    """List the files of a folder by their names without suffix, in small letters; empty without the folder."""
     found: dict[str, list[Path]] = {}
     try:
         for path in sorted(folder.iterdir()):
@@ -32,9 +33,8 @@ def list_files_by_name(folder: Path) -> dict[str, list[Path]]:
 
 
 def replace_stand_ins(settings: Settings, there: dict[str, list[Path]]) -> dict[str, dict[str, Any]]:
-    """The settings that use the user's files ``there`` (see ``list_files_by_name``) instead of stand-ins; empty
-    if no file has the name of a stand-in in complete ``settings``. Raises IcyMoonError for two files of one name.
-    """
+    """Return the settings that use the user's files ``there`` (see ``list_files_by_name``) instead of stand-ins. Empty
+    if no file has the name of a stand-in in complete ``settings``. Raises IcyMoonError for two files of one name."""
     changes: dict[str, dict[str, Any]] = {}
     for item in list_items(settings):
         if isinstance(item, TextureItem):

@@ -16,7 +16,7 @@ _SHUFFLE_SEED = 0
 
 
 def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
-    """(topic, key) of the settings that differ between pairs."""
+    """Find the settings, as (topic, key), that differ between pairs."""
     # Pairs share most of their tables, so each table is compared once.
     tables = {
         topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
@@ -30,7 +30,7 @@ def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
 
 
 def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedPair]:
-    """``count`` of the pairs, in which each value of each varied setting has about the same share as in all pairs.
+    """Choose ``count`` of the pairs so that each value of each varied setting has about the same share as in all pairs.
 
     Settings that always vary together count as one, and the seed of the ground does not count. Pairs are chosen one by
     one, each time a pair whose values are most lacking; ties are broken in a fixed random order. So a larger part of
@@ -56,7 +56,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
 
 
 def _number_levels(pairs: Sequence[PlannedPair]) -> list[Array]:
-    """The value of each pair as an index from 0 on, for each setting that varies independently."""
+    """Number the values of each setting that varies independently: the value of each pair as an index from 0 on."""
     found: dict[bytes, Array] = {}
     for topic, key in find_varied_settings(pairs):
         if (topic, key) == ("dataset", "seed"):

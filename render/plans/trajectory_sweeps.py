@@ -40,7 +40,7 @@ SETTINGS = frozenset(f"rig.{key}" for key in _POSE_KEYS)
 
 
 def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> list[Variation]:
-    """The cameras of a trajectory, in the order of its poses.
+    """Make the cameras of a trajectory, in the order of its poses.
 
     With ``rig.motion_exposure_s`` or ``rig.readout_s`` each camera moves during its exposure, at the velocity between
     its neighbours. Raises IcyMoonError that names the line of the plan at fault, and the line of the trajectory.
@@ -80,7 +80,7 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
 
 
 def _place_rig(poses: PoseSequence, k: int, height_m: float, above_ground: bool) -> dict[str, Any]:
-    """The settings of a rig at pose ``k``, ``height_m`` above the ground."""
+    """Make the settings of a rig at pose ``k``, ``height_m`` above the ground."""
     heading, pitch, roll = camera_angles(poses.rotation[k])
     x_m, y_m, z_m = poses.position_m[k].tolist()
     return {
@@ -98,7 +98,7 @@ def _place_rig(poses: PoseSequence, k: int, height_m: float, above_ground: bool)
 
 
 def describe_trajectory(sweep: Sweep) -> str:
-    """A sentence on the poses of a trajectory. Raises IcyMoonError as ``make_trajectory`` does."""
+    """Describe the poses of a trajectory in a sentence. Raises IcyMoonError as ``make_trajectory`` does."""
     found, poses = _read_file(sweep)
     said = [
         f"{_find_file(sweep).name}: {format_count(len(poses), 'pose')} in {poses.seconds[-1]:.6g} s on a path of "
@@ -118,8 +118,8 @@ def describe_trajectory(sweep: Sweep) -> str:
 
 
 def _describe_views(sweep: Sweep, found: Trajectory, poses: PoseSequence) -> list[str]:
-    """The view directions of the cameras, which reveal wrong axes or a quaternion in another order before a render;
-    empty for poses that begin at the rig of the plan."""
+    """Describe the view directions of the cameras, which reveal wrong axes or a quaternion in another order before a
+    render. Empty for poses that begin at the rig of the plan."""
     world = _find_world_axes(sweep, found)
     if world == _RELATIVE_TO_FIRST:
         return []
@@ -151,7 +151,8 @@ def _find_world_axes(sweep: Sweep, found: Trajectory) -> str:
 
 
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """Read the file, and its poses in the file's axes, with the stamps and the step of the plan."""
+    """Read the trajectory file of a sweep. Return its content, and its poses in the file's axes, thinned out and with
+    the stamps as the plan states."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", TRAJECTORY_KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None
@@ -170,7 +171,7 @@ def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
     poses = found.poses.at_rate(rate) if rate is not None else found.poses
     if not found.stamped and rate is None and len(poses) > 1:
         raise IcyMoonError(
-            f"{sweep.place.at('file')}: {_find_file(sweep)} has no stamps; state times, a file of them, or rate_hz."
+            f"{sweep.place.at('file')}: {_find_file(sweep)} has no stamps; state times, a file of stamps, or rate_hz."
         )
     poses = poses.every(int(every))
     late = np.flatnonzero(np.diff(poses.seconds) <= 0)
@@ -186,7 +187,8 @@ def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
 
 
 def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> tuple[PoseSequence, bool]:
-    """The poses in the axes and from the origin of the site, and whether their heights are above the ground."""
+    """Read the poses, in the axes and from the origin of the site. Return them, and whether their heights are above the
+    ground."""
     found, poses = _read_file(sweep)
     world = _find_world_axes(sweep, found)
     heights = _read_choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
@@ -205,7 +207,7 @@ def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], Rocky
 
 
 def _make_rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> Array:
-    """The pose (4, 4) of the plan's rig."""
+    """Return the pose (4, 4) of the plan's rig."""
     rig = base.rig
     if rig.height_from == "ZERO":
         z = float(rig.z_m)
@@ -247,7 +249,7 @@ def _compute_velocities(sweep: Sweep, poses: PoseSequence) -> list[tuple[Array, 
 
 
 def _make_speed_settings(velocity_m_s: Array, turn_rad_s: Array) -> dict[str, float]:
-    """The settings of a motion; both vectors are in the camera's axes x right, y down, z forward."""
+    """Make the settings of a motion; both vectors are in the camera's axes x right, y down, z forward."""
     x, y, z = np.degrees(turn_rad_s).tolist()
     turns = {"turn_right_deg_s": y, "turn_down_deg_s": -x, "roll_deg_s": z}
     return {**dict(zip(_SPEED_KEYS, velocity_m_s.tolist(), strict=True)), **turns}

@@ -12,7 +12,7 @@ from ...settings.user_files import find_used_files, has_surroundings
 
 
 def count_triangles(settings: Settings) -> float:
-    """Number of triangles of the ground of complete settings; an estimate for ground from a file.
+    """Count the triangles of the ground of complete settings; an estimate for ground from a file.
 
     Raises IcyMoonError if the user's file cannot be read.
     """

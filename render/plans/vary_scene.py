@@ -58,7 +58,7 @@ class VariedSetting:
 
     @property
     def setting(self) -> Setting:
-        """The setting. Raises IcyMoonError for an unknown name, and for a setting that cannot vary."""
+        """Declaration of the setting. Raises IcyMoonError for an unknown name, and for a setting that cannot vary."""
         setting = _SETTING_BY_NAME.get(self.name)
         if setting is None:
             name = shorten(self.name)  # anybody's .blend file may state the name
@@ -71,8 +71,7 @@ class VariedSetting:
 @dataclass(frozen=True)
 class SceneVariations:
     """The varied settings of a scene, the way to combine them, the number of ``draws`` of a Sobol sequence, and the
-    number of ``seeds``, of which the scene's own is the first.
-    """
+    number of ``seeds``. The first seed is the scene's own."""
 
     varied: tuple[VariedSetting, ...]
     combine: str = COMBINATIONS[0]
@@ -81,7 +80,7 @@ class SceneVariations:
 
 
 def why_fixed(topic: str, key: str) -> str:
-    """The reason why a setting cannot vary, as the end of a sentence; empty if it can."""
+    """Return the reason why a setting cannot vary, as the end of a sentence; empty if it can."""
     setting = TOPICS[topic][key]
     if (topic, key) == ("dataset", "seed"):
         return "varies by the number of seeds; raise Variations by Seed"
@@ -95,12 +94,12 @@ def why_fixed(topic: str, key: str) -> str:
 
 
 def list_variable_settings() -> list[str]:
-    """The settings that can vary, as ``topic.key``, in the order of the sidebar."""
+    """List the settings that can vary, as ``topic.key``, in the order of the sidebar."""
     return [name for name in _SETTING_BY_NAME if not why_fixed(*name.split("."))]
 
 
 def make_default_variation(name: str, value: float | str) -> VariedSetting:
-    """A setting that varies about its present value. A number varies from half to twice its value, or over a quarter of
+    """Make a setting vary about its present value. A number varies from half to twice its value, or over a quarter of
     its slider's range if it is 0; it stays within that range if its value does. A choice has all its values.
 
     Whole numbers have the default number of values, if the range contains that many.
@@ -129,7 +128,8 @@ def _round_value(setting: Setting, value: float, digits: int = 6) -> float:
 
 
 def list_values(varied: VariedSetting) -> list[Any]:
-    """The values of a setting that does not vary at random, each once. Raises IcyMoonError as ``check_varied``."""
+    """List the values of a setting that does not vary at random, each once. Raises IcyMoonError as ``check_varied``
+    does."""
     setting = check_varied(varied)
     if setting.kind == "choice":
         return list(varied.values)
@@ -182,7 +182,7 @@ class _Factor:
 
 
 def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Factor]:
-    """The sweeps of the plan. Raises IcyMoonError for settings that cannot be combined."""
+    """Make the sweeps of the plan. Raises IcyMoonError for settings that cannot be combined."""
     varied = variations.varied
     names = [each.name for each in varied]
     for name in names:
@@ -242,7 +242,7 @@ def _is_drawn(varied: VariedSetting) -> bool:
 
 
 def _make_law(varied: VariedSetting) -> dict[str, list[Any]]:
-    """The distribution from which a setting is drawn."""
+    """Make the distribution from which a setting is drawn."""
     if check_varied(varied).kind in ("choice", "bool"):
         return {"choice": list_values(varied)}
     return {"log_uniform" if varied.spacing == "RATIO" else "uniform": sorted((varied.first, varied.last))}
@@ -263,7 +263,8 @@ def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
 
 
 def make_plan_text(settings: Settings, variations: SceneVariations) -> str:
-    """The TOML text of a plan: the variations, and all settings of the scene, whose files must have absolute paths.
+    """Make the TOML text of a plan: the variations, and all settings of the scene, whose files must have absolute
+    paths.
 
     Raises IcyMoonError for values out of range, and for settings that cannot be combined.
     """
@@ -301,19 +302,19 @@ def _make_sweep_lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def make_title(variations: SceneVariations) -> str:
-    """The varied settings as the title of the plan."""
+    """Make the title of the plan from the varied settings."""
     names = [find_label(each.name) for each in variations.varied]
     names += [f"{variations.seeds} Seeds"] if variations.seeds > 1 else []
     return ", ".join(names) or "One Scene"
 
 
 def find_label(name: str) -> str:
-    """The label of a setting without its unit; the name itself if no setting has it."""
+    """Return the label of a setting without its unit; the name itself if no setting has it."""
     return _SETTING_BY_NAME[name].label.partition(" (")[0] if name in _SETTING_BY_NAME else name
 
 
 def count_pairs(settings: Settings, variations: SceneVariations) -> int:
-    """The number of pairs of the plan; fewer where random values of whole numbers are the same.
+    """Count the pairs of the plan; there are fewer where random values of whole numbers are the same.
 
     Raises IcyMoonError for settings that cannot be combined, and for more pairs than a plan may have.
     """
@@ -334,9 +335,9 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
 
 
 def describe_variations(settings: Settings, variations: SceneVariations) -> str:
-    """The number of pairs and its factors, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
+    """Describe the number of pairs and its factors, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
 
-    Raises IcyMoonError as ``count_pairs``.
+    Raises IcyMoonError as ``count_pairs`` does.
     """
     pairs, headings = count_pairs(settings, variations), int(settings.dataset.headings)
     parts = [factor.text for factor in _make_factors(settings, variations)]
@@ -347,8 +348,8 @@ def describe_variations(settings: Settings, variations: SceneVariations) -> str:
 
 
 def sample_settings(settings: Settings, variations: SceneVariations, most: int) -> tuple[list[Settings], float]:
-    """Complete settings of up to ``most`` pairs at the first heading, evenly spread over all pairs, and the approximate
-    number of grounds of all pairs. Raises IcyMoonError as ``count_pairs``."""
+    """Sample the complete settings of up to ``most`` pairs at the first heading, evenly spread over all pairs. Return
+    them, and the approximate number of grounds of all pairs. Raises IcyMoonError as ``count_pairs`` does."""
     count_pairs(settings, variations)
     grounds, choices = 1.0, []
     for factor in _make_factors(settings, variations):
@@ -370,7 +371,8 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
 
 
 def make_end_settings(settings: Settings, variations: SceneVariations) -> tuple[Settings, Settings]:
-    """Complete settings of the first and the last pair of the plan. Raises IcyMoonError as ``count_pairs``."""
+    """Make the complete settings of the first and the last pair of the plan. Raises IcyMoonError as ``count_pairs``
+    does."""
     count_pairs(settings, variations)
     choices = [_make_parts(factor, settings) for factor in _make_factors(settings, variations)]
     choices.append([{"dataset": {"seed": seed}} for seed in _draw_seeds(settings, variations.seeds)])
@@ -381,7 +383,7 @@ def make_end_settings(settings: Settings, variations: SceneVariations) -> tuple[
 
 
 def _make_parts(factor: _Factor, settings: Settings, most: int = MAX_PAIRS) -> list[Parts]:
-    """The settings of each variation of a sweep; of draws the first ``most``."""
+    """Make the settings of each variation of a sweep; of draws only the first ``most``."""
     table = dict(factor.table)
     if "count" in table:  # the first draws are the same for any number of draws
         table["count"] = min(table["count"], most)
@@ -390,7 +392,7 @@ def _make_parts(factor: _Factor, settings: Settings, most: int = MAX_PAIRS) -> l
 
 
 def _select_geometry(part: Parts) -> list[tuple[str, str, Any]]:
-    """The settings of a part that change the shape of the ground."""
+    """Select the settings of a part that change the shape of the ground."""
     return [
         (topic, key, value)
         for topic, values in part.items()

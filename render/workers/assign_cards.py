@@ -1,4 +1,4 @@
-"""The graphics cards that a worker renders on. Imports no Blender.
+"""Assigns the graphics cards that a worker renders on. Imports no Blender.
 
 A scene states only that it is rendered on graphics cards, since other machines have other cards. The cards are named by
 ``--cards``, by the environment variable ``ICYMOON_CARDS``, or, in the window, in the preferences of Blender.
@@ -53,13 +53,13 @@ def parse_cards(text: str, origin: str = "--cards") -> Cards:
 
 
 def read_chosen_cards() -> Cards:
-    """The cards that the environment of this process names. Raises IcyMoonError if its text is invalid."""
+    """Read the cards that the environment of this process names. Raises IcyMoonError if its text is invalid."""
     return parse_cards(os.environ.get(ENVIRONMENT, ""), ENVIRONMENT)
 
 
 def choose_cards(text: str) -> Cards:
-    """The cards that ``--cards`` names, or else the environment. They are stored in the environment for processes that
-    start later.
+    """Choose the cards that ``--cards`` names, or else the environment. They are stored in the environment for
+    processes that start later.
 
     Raises IcyMoonError if the text is invalid.
     """
@@ -79,16 +79,16 @@ def choose_worker_cards(cards: Cards, place: int, workers: int) -> Cards:
 
 
 def add_cards(environment: Mapping[str, str] | None, cards: Cards) -> Mapping[str, str] | None:
-    """An environment (None: ours) that names ``cards`` to a worker; unchanged without chosen cards."""
+    """Return an environment that names ``cards`` to a worker; unchanged without chosen cards. The environment None is
+    our own."""
     if not cards.numbers:
         return environment
     return {**(os.environ if environment is None else environment), ENVIRONMENT: str(cards)}
 
 
 def choose_card_numbers(cards: Cards, found: Sequence[str]) -> list[int]:
-    """Numbers of the cards to use among the cards that Cycles has ``found``, by name. Raises IcyMoonError if one is
-    missing.
-    """
+    """Choose the numbers of the cards to use among the cards that Cycles has ``found``, by name. Raises IcyMoonError if
+    one is missing."""
     absent = [number for number in cards.numbers if number >= len(found)]
     if absent:
         there = ", ".join(f"{number}: {name}" for number, name in enumerate(found)) or "none"

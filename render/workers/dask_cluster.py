@@ -25,7 +25,8 @@ _POLL_S = 1.0
 
 
 def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> dict[str, str]:
-    """Render these pairs of a frozen data set, as a task of a worker, and return by id why pairs were set aside."""
+    """Render these pairs of a frozen data set, as a task of a worker. Return by id the reasons why pairs were set
+    aside."""
     wanted = set(names)
     pairs = [pair for pair in datasets.read_frozen_plan(Path(dataset)).pairs if pair.id in wanted]
     return Runner(Path(dataset), pairs, workers, lambda *a, **k: None).run()
@@ -115,7 +116,7 @@ def _read_seconds(folder: Path) -> float:
 def _report_failed(
     jobs: list[list[str]], futures: list[Any], there: set[str], send: Callable[..., None]
 ) -> dict[str, str]:
-    """The reasons why pairs are missing, by id."""
+    """Report the pairs that are missing, and return the reasons by id."""
     failed: dict[str, str] = {}
     for names, future in zip(jobs, futures, strict=True):
         if future.status == "finished":

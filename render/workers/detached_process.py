@@ -37,7 +37,7 @@ class DetachedProcess(ProcessOutput):
     def __init__(
         self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes], process: subprocess.Popen[bytes] | None
     ) -> None:
-        """Use ``start`` or ``attach``."""
+        """Watch a process; call ``start`` or ``attach`` instead."""
         super().__init__()
         self.facts, self.leave = dict(facts), False
         self._stem, self._watch, self._process = stem, watch, process
@@ -88,7 +88,7 @@ class DetachedProcess(ProcessOutput):
             return None
 
     def poll(self) -> list[dict[str, Any]]:
-        """The messages since the last call."""
+        """Return the messages since the last call."""
         gone = not self._is_alive()  # checked before reading, so that the file then has its last lines
         *lines, self._begun_line = (self._begun_line + self._log.read()).split(b"\n")
         if gone:
@@ -115,7 +115,7 @@ class DetachedProcess(ProcessOutput):
 
     @property
     def returncode(self) -> int | None:
-        """Exit status after the end; None for a process that another process started."""
+        """Exit status of the ended process; None if this program did not start the process."""
         return self._process.wait() if self._process is not None else None
 
     def cancel(self) -> None:
@@ -147,7 +147,7 @@ class DetachedProcess(ProcessOutput):
 
 
 def find_unwatched_process(folder: Path) -> DetachedProcess | None:
-    """A process without a watcher whose files lie in ``folder``; None without such a process."""
+    """Find a process without a watcher whose files lie in ``folder``; None without such a process."""
     for file in sorted(folder.glob("*.lock")):
         found = DetachedProcess.attach(file.with_suffix(""))
         if found is not None:

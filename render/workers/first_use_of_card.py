@@ -13,14 +13,15 @@ REPORT_INTERVAL_S, _MAX_COMPILING_S = 20.0, 1800.0
 
 
 class FirstSample:
-    """Whether Cycles has rendered anything in this process. A report that begins before does not end after."""
+    """Whether Cycles has rendered anything in this process. A report that began before the first sample ends before the
+    sample is noted."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self.has_come = False
 
     def note(self) -> None:
-        """Record that a sample has come; waits for the end of a report in progress."""
+        """Record that a sample has come, after waiting for the end of a report in progress."""
         with self._changed:
             self.has_come = True
             self._changed.notify_all()

@@ -23,12 +23,12 @@ from .process import Message, Process, describe_end
 
 
 def python_command(python: str, *arguments: str) -> list[str]:
-    """The command that runs ``icymoon`` verbs in a Python interpreter."""
+    """Return the command that runs ``icymoon`` verbs in a Python interpreter."""
     return [python, str(ROOT / "__main__.py"), *arguments]
 
 
 def blender_command(executable: str, *arguments: str) -> list[str]:
-    """The command that runs ``icymoon`` verbs in a Blender, or in a Python with ``bpy``."""
+    """Return the command that runs ``icymoon`` verbs in a Blender, or in a Python with ``bpy``."""
     if is_python(executable):
         return python_command(executable, *arguments)
     return [
@@ -95,7 +95,7 @@ class Job:
         threads: int | None = None,
         repeat: int = 0,
     ) -> None:
-        """Write the job file: the pairs of complete settings, or planned pairs, of which any may fail.
+        """Write the job file: the pairs of complete settings, or planned pairs. Any of the planned pairs may fail.
 
         With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
         of another ``repeat`` differ only in their name and in the noise of their light paths.
@@ -126,7 +126,7 @@ class Job:
     def remove(self) -> None:
         """Delete the job's own files, and the unfinished files of a stopped worker."""
         self.discard()
-        Claims(self.dataset).clean_up()
+        Claims(self.dataset).remove_leftovers()
 
 
 def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
@@ -155,5 +155,5 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
 
 
 def resolve_dataset_folder(text: str, blend_folder: str | None = None) -> Path:
-    """The folder that ``dataset.folder`` names, resolved by ``absolute_path``."""
+    """Resolve the folder that ``dataset.folder`` names, by ``absolute_path``."""
     return absolute_path(text, "dataset.folder", blend_folder)

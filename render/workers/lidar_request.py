@@ -20,10 +20,12 @@ EFFECTS = (*_OTHER_EFFECTS, *vars(Effects()))
 
 @dataclass(frozen=True)
 class ScanRequest:
-    """A request for a scan. ``pose`` is x, y, z in metres and a quaternion w, x, y, z; empty for the left eye's.
-    ``rows``, ``columns``, ``rays`` and ``returns`` replace the scanner's. ``without`` names effects of ``EFFECTS`` to
-    leave out. ``grain_m``, the grain radius, and ``density_kg_m3`` replace the scene's snow. ``seed`` is the detector's
-    (None: the scene's), ``scan`` the number of the scan, ``waveforms`` the samples of a packet (None: no waveforms)."""
+    """A request for a scan. ``pose`` is x, y, z in metres and a quaternion w, x, y, z; empty for the pose of the left
+    eye. ``rows``, ``columns``, ``rays`` and ``returns`` replace the scanner's values. ``without`` names effects of
+    ``EFFECTS`` to leave out. ``grain_m``, the grain radius, and ``density_kg_m3`` replace the values of the scene's
+    snow. ``seed`` is the seed of the detector, None for the scene's seed. ``scan`` is the number of the scan.
+    ``waveforms`` are the samples of a packet, None without waveforms.
+    """
 
     pose: tuple[float, ...] = ()
     rows: int | None = None
@@ -38,23 +40,23 @@ class ScanRequest:
     waveforms: int | None = None
 
     def to_json(self) -> str:
-        """The request as a word of a command line."""
+        """Return the request as one word of a command line."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> ScanRequest:
-        """The request from the text of ``to_json``."""
+        """Parse the request from the text of ``to_json``."""
         stated = parse_json(text)
         return cls(**(stated | {key: tuple(stated[key]) for key in ("pose", "without")}))
 
     def read_scanner(self, path: Path) -> LidarFile:
-        """The scanner of a file, changed by this request. Raises IcyMoonError for an impossible scanner."""
+        """Read the scanner of a file, and change it by this request. Raises IcyMoonError for an impossible scanner."""
         lidar = self.change(read_lidar(path))
         if self.waveforms is not None:
             make_digitiser(lidar.detector, lidar.instrument, self.waveforms)
         return lidar
 
     def change(self, lidar: LidarFile) -> LidarFile:
-        """A scanner, changed by this request. Raises IcyMoonError for an impossible scanner."""
+        """Return a scanner that is changed by this request. Raises IcyMoonError for an impossible scanner."""
         changed = change_lidar(lidar, self.rows, self.columns, self.rays, cast(Reported | None, self.returns))
         return replace(changed, detector=None) if "detector" in self.without else changed

@@ -1,5 +1,5 @@
-"""``manifest.json``: the pairs of a data set, the versions of the programs that made them, and their render times.
-Imports no Blender.
+"""Writes ``manifest.json``: the pairs of a data set, the versions of the programs that made them, and their render
+times. Imports no Blender.
 
 It is written at the end of each run from the pairs' own files, so it lists all pairs of all processes.
 """
@@ -27,7 +27,8 @@ def _count_values(values: list[str]) -> dict[str, int]:
 
 
 def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """The ``pair.json`` of each complete pair, and by id the reasons why others cannot be read."""
+    """Read the ``pair.json`` of each complete pair. Return them by id, and by id the reasons why others cannot be
+    read."""
     there, unreadable, restore = {}, {}, Restorer()
     for pair in frozen.pairs:
         folder = pair.folder(dataset)
@@ -40,9 +41,8 @@ def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, 
 
 
 def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
-    """Write the manifest of a data set and return it; ``failed`` are the reasons why pairs were set aside in
-    this run.
-    """
+    """Write the manifest of a data set and return it; ``failed`` are the reasons why pairs were set aside in this
+    run."""
     frozen = read_frozen_plan(dataset)
     there, unreadable = _read_pairs(frozen, dataset)
     taken = [facts.get("seconds", {}) for facts in there.values()]

@@ -12,7 +12,7 @@ _BYTES_PER_VERTEX, _BYTES_PER_PIXEL, _BYTES_PER_FILE_BYTE = 300, 400, 10
 
 
 def describe_shortage(settings: Settings) -> str:
-    """A sentence that names the part of complete settings that needs most memory, and how to reduce it."""
+    """Describe in a sentence the part of complete settings that needs most memory, and how to reduce it."""
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
     needs = [
         (

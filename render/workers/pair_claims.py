@@ -60,19 +60,18 @@ class Claims:
         self._dataset = dataset
         self._folder = dataset / CLAIMS_FOLDER
         self._pairs = pairs_folder(dataset)
-        # Tells a claim of ours from another process' claim that got the same name later.
+        # Distinguishes a claim of ours from another process' claim that got the same name later.
         self._key = secrets.token_hex(8)
         self._held: dict[str, Path] = {}
-        # Claims whose time is in the future: that time, and the time when it was seen.
+        # Claims whose time is in the future: this time, and the time when it was first seen.
         self._ahead: dict[Path, tuple[float, float]] = {}
         self._heard = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
     def take(self, pair: str) -> bool:
-        """Claim a pair; False while another process holds it. Raises IcyMoonError if the pair's folder could not be
-        written.
-        """
+        """Claim a pair, and return whether that succeeded; False while another process holds it. Raises IcyMoonError if
+        the pair's folder could not be written."""
         folder = make_part_path(self._pairs / pair)
         system.check_path(
             self._pairs.parent, make_part_path(folder / "pair.json")
@@ -120,7 +119,7 @@ class Claims:
         )
 
     def find_stated_light(self, key: str) -> dict[str, Any] | None:
-        """``sha256`` and ``cpu_seconds`` of the light in the newest claim of a key; None without any."""
+        """Find ``sha256`` and ``cpu_seconds`` of the light in the newest claim of a key; None without any."""
         claims = self._find_claims(key)
         stated = [_read_claim(claims[number]).get("light") for number in sorted(claims, reverse=True)]
         return next(filter(None, stated), None)
@@ -136,17 +135,18 @@ class Claims:
             system.remove(path)
 
     def is_held(self, pair: str) -> bool:
-        """Whether this process holds the claim of a pair."""
+        """Return whether this process holds the claim of a pair."""
         return pair in self._held and not self.is_lost(pair)
 
     def is_lost(self, pair: str) -> bool:
-        """Whether another process has taken over a claim of this process, because it considered this process dead."""
+        """Return whether another process has taken over a claim of this process, because it took this process for
+        dead."""
         path = self._held.get(pair)
         return path is not None and not self._is_mine(path)
 
     @contextmanager
     def hold(self, pair: str) -> Iterator[bool]:
-        """Claim a pair until the end of the ``with`` block; yields whether that succeeded."""
+        """Claim a pair until the end of the ``with`` block, and yield whether that succeeded."""
         taken = self.take(pair)
         try:
             yield taken
@@ -155,19 +155,19 @@ class Claims:
                 self.release(pair)
 
     def find_claimed_elsewhere(self) -> set[str]:
-        """The pairs that other living processes hold."""
+        """Find the pairs that other living processes hold."""
         found: dict[str, Path] = {}
         for path in sorted(self._list_claims(), key=_claim_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._is_mine(path) and not self._is_stale(path)}
 
     def describe_holder(self, pair: str) -> str:
-        """The holder of a pair, in words."""
+        """Describe the holder of a pair in words."""
         claims = self._find_claims(pair)
         holder = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
-    def clean_up_after(self, pid: int) -> None:
+    def remove_leftovers_of(self, pid: int) -> None:
         """Remove the claims and the unfinished folders of an ended process of this machine."""
         for part in self._pairs.glob(f"*.{system.find_computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
@@ -176,7 +176,7 @@ class Claims:
             if holder.get("pid") == pid and holder.get("host") == system.find_computer_name():
                 self._remove(path)
 
-    def clean_up(self) -> None:
+    def remove_leftovers(self) -> None:
         """Remove the leftovers of ended processes, and the folder of claims if no pair is claimed."""
         # A process claims before it writes: a folder that exists now and has no claim afterwards is a leftover.
         parts = list(self._pairs.glob(f"*{PART_SUFFIX}"))
@@ -241,7 +241,7 @@ class Claims:
         return age > STALE_S or (age < -STALE_S and self._is_frozen_ahead(claim, touched))
 
     def _is_frozen_ahead(self, claim: Path, touched: float) -> bool:
-        """Whether a claim with a time in the future has kept that time long enough for its holder to be dead.
+        """Return whether a claim with a time in the future has kept that time long enough for its holder to be dead.
 
         The time is ahead because a clock was set back, so it does not show the age of the claim.
         """
@@ -252,7 +252,7 @@ class Claims:
         return now - known[1] > STALE_S
 
     def _read_clock(self) -> float:
-        """The time by the clock that stamps the files of this folder, possibly the clock of another machine."""
+        """Read the time by the clock that stamps the files of this folder, possibly the clock of another machine."""
         probe = make_part_path(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)

@@ -42,20 +42,21 @@ class Ended(Protocol):
 
     @property
     def cause(self) -> str:
-        """The line that best explains the end."""
+        """The line that best explains why the process ended."""
 
 
 def describe_end(process: Ended) -> str:
-    """How a process ended that reported neither a result nor an error, and a remedy if it was killed."""
+    """Describe how a process ended that reported neither a result nor an error, in words to append to its name. If it
+    was killed, they contain a remedy."""
     if process.returncode in _KILLED:
         return "was killed, often for lack of memory; close other programs or choose a smaller scene, then try again"
     return f"ended without a result (status {process.returncode}): {process.cause}"
 
 
 class ProcessOutput:
-    """Sorts the output of a process into messages and other lines, of which it keeps the last.
+    """Sorts the output of a process into messages and other lines. It keeps the last of the other lines.
 
-    ``cancelled``: the process was told to stop. ``left``: it was left running.
+    ``cancelled`` is whether the process was told to stop, ``left`` whether it was left running.
     """
 
     def __init__(self) -> None:
@@ -89,7 +90,7 @@ class ProcessOutput:
 
 @contextmanager
 def report_errors(as_json: bool) -> Iterator[None]:
-    """Print an error that ends the program also as a JSON line, if ``as_json``."""
+    """Print the error that ends the program, also as a JSON line if ``as_json``."""
     try:
         yield
     except IcyMoonError as error:
@@ -183,5 +184,5 @@ def _parse_message(line: str) -> Message | None:
 
 
 def clean_environment() -> dict[str, str]:
-    """Our environment without the variables that make another Python load Blender's modules."""
+    """Return our environment without the variables that make another Python load Blender's modules."""
     return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP")}

@@ -76,7 +76,7 @@ class _Worker:
     pairs: list[PlannedPair]
     place: int = 0  # number among the workers that run at the same time
     heard: float = field(default_factory=time.monotonic)
-    looked: float = -math.inf  # when the disk was last searched for its pairs
+    looked: float = -math.inf  # time of the last search on the disk for its pairs
     left: list[PlannedPair] = field(default_factory=list)  # its pairs that were missing then
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # the finished fraction of that pair
@@ -111,14 +111,14 @@ class Runner:
         self.failed: dict[str, str] = {}
 
     def run(self) -> dict[str, str]:
-        """Render until each pair is complete or set aside; return by id why pairs were set aside.
+        """Render until each pair is complete or set aside. Return by id the reasons why pairs were set aside.
 
         Raises IcyMoonError if nothing can be rendered (the disk is full, Blender does not start). All workers have
         ended at every kind of end.
         """
         check_no_link(pairs_folder(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
-            self._claims.clean_up()
+            self._claims.remove_leftovers()
             restore = Restorer()
             for pair in self._pairs:
                 if data := read_complete(pair.folder(self._dataset)):
@@ -135,7 +135,7 @@ class Runner:
         finally:
             for worker in self._running:
                 worker.close()
-            self._claims.clean_up()
+            self._claims.remove_leftovers()
         return self.failed
 
     def _update_response(self, pair: PlannedPair, data: dict[str, Any], restore: Restorer) -> None:
@@ -150,7 +150,7 @@ class Runner:
             self._send("error", message=str(error), pair=pair.id)
 
     def _find_missing(self) -> list[PlannedPair]:
-        """The pairs that are neither complete nor set aside."""
+        """Find the pairs that are neither complete nor set aside."""
         for pair in self._pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
@@ -165,7 +165,7 @@ class Runner:
         self._queue.extend(jobs)
 
     def _step_workers(self) -> None:
-        """Start workers, handle their messages, and finish workers that have ended."""
+        """Start workers, handle their messages, and finish the workers that have ended."""
         while self._queue and len(self._running) < self._options.count:
             self._start_worker(self._queue.popleft())
         for worker in list(self._running):
@@ -183,19 +183,21 @@ class Runner:
                 self._finish_worker(worker)
 
     def _find_silence_limit_s(self, worker: _Worker, silent: float) -> float:
-        """Seconds for which a worker may be silent: few if all its pairs are complete, perhaps by other processes."""
+        """Find the seconds for which a worker may be silent; they are few if all its pairs are complete, perhaps by
+        other processes."""
         idle = worker.done or (silent > _MAX_EXIT_S and not self._get_pairs_left(worker))
         return _MAX_EXIT_S if idle else self._options.silence_s
 
     def _get_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """The result of ``_find_pairs_left``, at most some seconds old."""
+        """Return the result of ``_find_pairs_left``, which may be some seconds old."""
         now = time.monotonic()
         if now - worker.looked > _POLL_PAIRS_S:
             worker.looked, worker.left = now, self._find_pairs_left(worker)
         return worker.left
 
     def _find_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """A worker's pairs that are neither complete nor set aside. A complete pair is never checked again."""
+        """Find those pairs of a worker that are neither complete nor set aside. A complete pair is never checked
+        again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
@@ -254,7 +256,7 @@ class Runner:
     def _finish_worker(self, worker: _Worker) -> None:
         """Find out from the disk which pairs a worker has finished, and give the others to another worker."""
         worker.close()
-        self._claims.clean_up_after(worker.process.pid)
+        self._claims.remove_leftovers_of(worker.process.pid)
         if worker.fatal:
             raise IcyMoonError(worker.error)
         self._silent_ends = 0 if worker.spoke else self._silent_ends + 1

@@ -34,9 +34,8 @@ _PAIR_SHAPE = {"indirect": {"lights": _LIGHTS_SHAPE, "tried": _LIGHTS_SHAPE}}
 
 @dataclass(frozen=True)
 class LightFile:
-    """A file of baked light as a pair or a claim states it: the name in ``light/``, the key of the bake, the SHA-256
-    checksum, and the processor seconds of the bake.
-    """
+    """A file of baked light that a pair or a claim states: the name in ``light/``, the key of the bake, the SHA-256
+    checksum, and the processor seconds of the bake."""
 
     name: str
     key: str
@@ -53,7 +52,7 @@ class StoredLight:
     sha256: str
 
     def to_json(self, share: float) -> dict[str, Any]:
-        """The entry of ``pair.json`` on this light, with its share of the light in the images."""
+        """Return the entry of ``pair.json`` on this light, with its share of the light in the images."""
         return {
             "file": self.file,
             "sha256": self.sha256,
@@ -87,7 +86,7 @@ class RecordedLight:
         self._by_pair: dict[str, list[LightFile]] = {}
 
     def by_pair(self) -> Mapping[str, list[LightFile]]:
-        """The light files that each complete pair records, by the pair's id."""
+        """Return the light files that each complete pair records, by the pair's id."""
         for folder in self._pairs.glob("*"):
             if folder.name not in self._by_pair and is_pair_name(folder) and not is_unfinished_name(folder):
                 self.add(folder)
@@ -107,7 +106,7 @@ class RecordedLight:
         return found
 
     def find_by_key(self, key: str) -> list[LightFile]:
-        """The files of a key; files that most pairs state come first."""
+        """Find the files of the bakes with this key. Files that most pairs state come first."""
         counted = Counter(file for files in self.by_pair().values() for file in set(files) if file.key == key)
         return sorted(counted, key=lambda file: (-counted[file], file.checksum))
 
@@ -122,8 +121,8 @@ class SharedLight:
         self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
 
     def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[StoredLight, float]:
-        """Baked light of a ground with this number of vertices and rocks, and the processor seconds of ``bake`` in this
-        call.
+        """Get the baked light of a ground with this number of vertices and rocks: find it, or let ``bake`` make it.
+        Return it, and the processor seconds of ``bake`` in this call.
 
         One process bakes while others wait for it. Raises IcyMoonError if the light cannot be baked or written.
         """
@@ -156,7 +155,7 @@ class SharedLight:
                 self.claims.release(file.key)
 
     def _find_usable(self, key: str, vertices: int, rocks: int) -> StoredLight | None:
-        """Light that may be used, read from its file; None if there is no such light."""
+        """Find light that may be used, and read it from its file; None without such light."""
         candidates = self._vouched.find_by_key(key)
         if key in self._known:
             candidates.append(self._known[key])

@@ -1,4 +1,4 @@
-"""Job scripts for a cluster with SLURM, whose machines need only this folder and Blender. Imports no Blender."""
+"""Writes job scripts for a cluster with SLURM, whose machines need only this folder and Blender. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _CONTROL_CHARACTER = re.compile(r"[\x00-\x1f\x7f]")
 
 @dataclass(frozen=True)
 class SlurmRequest:
-    """The requests of the script to SLURM: shards of the data set, how many at once (0: all), processors and memory for
-    each shard, wall time, and further options in sbatch's form."""
+    """The requests of the script to SLURM: shards of the data set, the number of shards that run at once (0: all),
+    processors and memory for each shard, wall time, and further options in sbatch's form."""
 
     shards: int
     at_once: int
@@ -103,7 +103,8 @@ def _quote_folder(folder: Path) -> str:
 
 
 def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, python: str, blender: str) -> Path | None:
-    """Write the script of a job array for the shards that lack pairs; None if all pairs are there.
+    """Write the script of a job array for the shards that lack pairs, and return its file; None if all pairs are
+    complete.
 
     ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
     or an option that a line of the script cannot contain.

@@ -56,7 +56,8 @@ _MAX_NAMED_SETTINGS = 5
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem: its kind, its subject (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
+    """A problem: its kind, its subject (a pair's id or a path), a sentence on it, and the ``path`` that may be
+    removed."""
 
     kind: str  # "unreadable", "missing", "broken", "foreign", "edited", "light", "leftover" or "kept"
     what: str
@@ -64,7 +65,7 @@ class Problem:
     path: Path | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """The problem as a message."""
+        """Return the problem as a message."""
         return {"kind": self.kind, "what": self.what, "message": self.text}
 
 
@@ -84,9 +85,10 @@ class Findings:
 def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
 
-    With ``remove_broken`` broken pairs and leftovers are removed, except foreign files and pairs whose files are
-    unchanged since the render. Without a plan each pair is compared only with its own entries. Raises IcyMoonError if
-    there are no pairs either, and for ``remove_broken`` without a plan, which could make the pairs again.
+    With ``remove_broken``, broken pairs and leftovers are removed, except foreign files and pairs whose files are
+    unchanged since the render. Without a plan, each pair is compared only with its own entries. Raises IcyMoonError if
+    there are neither a plan nor pairs. Raises it also for ``remove_broken`` without a plan, because only a plan could
+    make the pairs again.
     """
     has_plan = os.path.lexists(dataset / PLAN)
     planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
@@ -129,7 +131,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
 
 
 def _find_unplanned(dataset: Path) -> dict[str, None]:
-    """The ids of the pairs of a data set without a plan, as ``icymoon render`` makes it."""
+    """Find the ids of the pairs of a data set without a plan, as ``icymoon render`` makes it."""
     found = dict.fromkeys(
         path.name
         for path in sorted(pairs_folder(dataset).glob("*"))
@@ -150,7 +152,7 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
 
 
 def _describe_misplaced(folder: Path) -> str:
-    """A sentence on the fix for a whole pair under a wrong name; empty for anything else."""
+    """Describe in a sentence the fix for a whole pair under a wrong name; empty for anything else."""
     try:
         own = read_pair(folder).id
     except IcyMoonError:
@@ -220,27 +222,27 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
 
 
 def _describe_repair(has_plan: bool) -> str:
-    """A clause on how to make a pair again: by the plan of its data set, or without a plan by its original command."""
+    """Describe in a clause how to make a pair again: by the plan of its data set, or without a plan by its original
+    command."""
     return "run icymoon batch" if has_plan else "render the pair again"
 
 
 def _find_foreign_files(folder: Path) -> Iterator[str]:
-    """A sentence on the files in a pair's folder that Icy Moon did not write, except links."""
+    """Yield a sentence on the files in a pair's folder that Icy Moon did not write, except links."""
     if paths := [path for path in list_foreign_files(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
 
 
 def _find_link(folder: Path) -> Path | None:
-    """The first link among a pair's folders and files."""
+    """Find the first link among a pair's folders and files."""
     inside = [] if folder.parent.is_symlink() or folder.is_symlink() else sorted(folder.glob("*"))
     return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
 
 
 def _parse_pair_json(record: Path) -> object:
-    """The content of a ``pair.json``; None if it is missing or not JSON. Raises OSError if the system refuses
-    access.
-    """
+    """Parse the content of a ``pair.json``; None if it is missing or not JSON. Raises OSError if the system refuses
+    access."""
     try:
         return parse_json(read_text(record))
     except (FileNotFoundError, NotADirectoryError, ValueError):
@@ -273,7 +275,7 @@ def _may_be_intact(folder: Path) -> bool:
 
 
 def _find_damage(pair: Pair) -> Iterator[str]:
-    """Sentences on files that have changed since the render."""
+    """Yield sentences on files that have changed since the render."""
     for name, fact in pair.data["files"].items():
         file = pair.folder / name
         if not file.is_file():
@@ -285,7 +287,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
-    """Differences of a pair from the plan, as clauses. The pair's own entries justify no difference.
+    """Yield the differences of a pair from the plan, as clauses. The pair's own entries justify no difference.
 
     Without a plan its name and its settings decide, unless the scene was edited by hand.
     """
@@ -330,7 +332,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
 
 
 def _find_rendered(pair: Pair, wanted: PlannedPair) -> PlannedPair:
-    """The planned pair as it was rendered; a pair in the light of a projector has another id."""
+    """Return the planned pair as it was rendered; a pair in the light of a projector has another id."""
     projector = pair.data.get("projector")
     name = projector.get("rendered_as") if isinstance(projector, Mapping) else None
     return replace(wanted, id=name) if isinstance(name, str) and _PAIR_ID.fullmatch(name) else wanted
@@ -354,7 +356,7 @@ def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
 
 
 def _find_stated_light(light: RecordedLight) -> dict[LightFile, list[str]]:
-    """The files of baked light in use, and for each the ids of the pairs that were rendered with it."""
+    """Find the files of baked light in use. Return, for each, the ids of the pairs that were rendered with it."""
     stated: dict[LightFile, list[str]] = {}
     for pair, files in sorted(light.by_pair().items()):
         for file in set(files):
@@ -363,7 +365,7 @@ def _find_stated_light(light: RecordedLight) -> dict[LightFile, list[str]]:
 
 
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
-    """A sentence on missing baked light, if any; the images that were rendered with it are still complete."""
+    """Yield a sentence on missing baked light, if any; the images that were rendered with it are still complete."""
     folder = dataset / LIGHT
     gone = (
         {}
@@ -380,9 +382,8 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
-    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause on how to make a
-    pair again.
-    """
+    """Yield problems of the files of baked light, and of the pairs' entries on it. ``again`` is the clause on how to
+    make a pair again."""
     folder = dataset / LIGHT
     if folder.is_symlink():
         yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; replace it by its target.")
@@ -423,7 +424,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
 
 
 def _find_other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Problem]:
-    """Pairs with the same ground and light that state different baked light."""
+    """Yield the pairs with the same ground and light that state different baked light."""
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
         yield from (
@@ -439,7 +440,7 @@ def _find_other_light(stated: dict[LightFile, list[str]], again: str) -> Iterato
 
 
 def _is_edited(folder: Path) -> bool:
-    """Whether a pair without a plan is of a scene that was edited by hand."""
+    """Return whether a pair without a plan is of a scene that was edited by hand."""
     try:
         return bool(read_pair(folder).data.get("edited_by_hand"))
     except IcyMoonError:
@@ -447,7 +448,7 @@ def _is_edited(folder: Path) -> bool:
 
 
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
-    """Problems of files that belong to no planned pair."""
+    """Yield problems of files that belong to no planned pair."""
     for path in list_user_files(pairs_folder(dataset)):
         name = path.name.split(".")[0]
         if is_unfinished_name(path):

@@ -1,4 +1,4 @@
-"""A function that runs in a thread, with the interface of a process. Imports no Blender."""
+"""Runs a function in a thread, with the interface of a process. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Calculation(threading.Thread):
         return self.is_alive()
 
     def poll(self) -> list[Message]:
-        """The new messages, each once, in their order."""
+        """Return the new messages, each once, in their order."""
         return [self._messages.pop(0) for _ in self._messages[:]]
 
     def cancel(self) -> None:

@@ -80,8 +80,8 @@ def test_removal_leaves_nothing_of_ours_and_all_of_the_user(scene):
     own = bpy.data.objects.new("Own", None)
     collection.objects.link(own)
     assert len(lidar_in_view.find_points(scene).data.polygons) == 4
-    assert lidar_in_view.clear(scene)
-    assert not lidar_in_view.clear(scene)
+    assert lidar_in_view.clear_scan(scene)
+    assert not lidar_in_view.clear_scan(scene)
     assert list_data() == ["Own", *before]
     assert own.name in scene.collection.objects
     assert lidar_in_view.make_legend(scene, ICE_DELAY) == ()

@@ -158,7 +158,7 @@ def test_its_threads_ask_blender_nothing(rocky, monkeypatch, path):
     monkeypatch.setattr(work_in_pieces, "call", lambda work: calls.append(work.func.__name__) or call(work))
     job = wait(begin(rocky))
     assert not job.failure
-    assert {"mesh_whole_ground", "_place_rocks", "_trace"} <= set(calls)
+    assert {"mesh_whole_ground", "_place_rocks", "_trace_shelter"} <= set(calls)
     assert asked == []
 
 

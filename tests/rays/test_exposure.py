@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from falling_grains import WALL_M, from_west, walled
 from icymoon.rays.engine import open_tracer
-from icymoon.rays.exposure import find_exposed, list_directions
+from icymoon.rays.exposure import find_exposed_share, list_directions
 from icymoon.support.arrays import Array
 
 
@@ -22,16 +22,16 @@ def test_on_parallel_paths_a_wall_shelters_its_height_times_the_tangent(tilt):
     tracer = open_tracer(world)
     end = WALL_M * math.tan(math.radians(tilt))
     x = end * np.array([0.05, 0.5, 0.99, 1.01, 2.0])
-    shares = find_exposed(world, tracer, behind(x), list_directions(from_west(tilt), 0.0))
+    shares = find_exposed_share(world, tracer, behind(x), list_directions(from_west(tilt), 0.0))
     assert shares.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
-    assert (find_exposed(world, tracer, behind(-x), list_directions(from_west(tilt), 0.0)) == 1.0).all()
+    assert (find_exposed_share(world, tracer, behind(-x), list_directions(from_west(tilt), 0.0)) == 1.0).all()
 
 
 @pytest.mark.parametrize(("tilt", "spread"), [(30.0, 15.0), (50.0, 30.0), (0.0, 40.0)])
 def test_from_a_cone_the_directions_above_the_wall_arrive(tilt, spread):
     world, directions = walled(), list_directions(from_west(tilt), spread)
     x = np.linspace(0.05, 10.0, 60)
-    shares = find_exposed(world, open_tracer(world), behind(x), directions)
+    shares = find_exposed_share(world, open_tracer(world), behind(x), directions)
     # A direction is blocked if it rises by less than the wall on its way to it.
     rise = directions[:, 2] * x[:, None] / np.maximum(-directions[:, 0], 1e-9)
     over = (rise > WALL_M) | (directions[:, 0] >= 0.0)

@@ -9,7 +9,7 @@ import pytest
 from falling_grains import make_shape
 from icymoon.physics.rocks.rock_shapes import make_icosphere
 from icymoon.rays.engine import open_tracer
-from icymoon.rays.exposure import find_exposed, list_directions
+from icymoon.rays.exposure import find_exposed_share, list_directions
 from icymoon.rays.shapes import Placed, Shape, World
 from icymoon.rays.shelter_bounds import find_uncertain
 from icymoon.support.arrays import Array
@@ -73,7 +73,7 @@ def test_shares_are_those_of_all_rays():
     tracer, far = open_tracer(world), np.full(len(points), np.inf)
     ahead = [tracer.is_blocked(lifted, np.broadcast_to(d, lifted.shape), 0.0, far) for d in directions]
     wanted = (directions[:, 2] / directions[:, 2].sum()) @ ~np.array(ahead)
-    assert find_exposed(world, tracer, points, directions) == pytest.approx(wanted, abs=1e-12)
+    assert find_exposed_share(world, tracer, points, directions) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_open_ground_between_few_rocks_needs_no_rays():

@@ -161,11 +161,11 @@ def test_an_image_that_reflects_more_light_than_it_gets_is_told(registered, tmp_
     told = [
         sentence
         for sentence in scenes.build_scene(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
-        if "more light than they get" in sentence
+        if "more light than they receive" in sentence
     ]
     assert len(told) == 1
     assert "25 % of the albedo image" in told[0]
     assert "2.4 times" in told[0]
     assert "at most 0.25" in told[0]
     built = scenes.build_scene(scene, complete(own, {"surface": {"albedo": 0.25}}))
-    assert not any("more light than they get" in sentence for sentence in built.warnings)
+    assert not any("more light than they receive" in sentence for sentence in built.warnings)

@@ -81,10 +81,10 @@ def sweep(dataset: Path) -> None:
     """Everything that removes something in a data set, of pairs that nobody has claimed."""
     verify_data_set(dataset, remove_broken=True)
     claims = Claims(dataset)
-    claims.clean_up_after(os.getpid())
+    claims.remove_leftovers_of(os.getpid())
     claims.take(ID)
     claims.close()
-    claims.clean_up()
+    claims.remove_leftovers()
 
 
 @pytest.mark.parametrize("name", BAD_IDS)

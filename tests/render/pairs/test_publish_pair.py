@@ -157,7 +157,7 @@ class Place:
         return content(self.pairs / PAIR)
 
     def assert_tidy(self) -> None:
-        Claims(self.dataset).clean_up()
+        Claims(self.dataset).remove_leftovers()
         assert [path.name for path in self.pairs.iterdir()] == [PAIR] * bool(self.there)
         assert not (self.dataset / CLAIMS_FOLDER).exists()
 
@@ -219,7 +219,7 @@ def test_whoever_is_killed_leaves_the_old_pair_or_the_new_one(tmp_path, watched,
         place.age()
         if before == "whole":
             assert any(content(folder) for folder in place.pairs.iterdir()), f"killed before call {k}"
-        Claims(place.dataset).clean_up()
+        Claims(place.dataset).remove_leftovers()
         assert place.there in {"": ("", "dead"), "broken": ("", "dead"), "whole": ("old", "dead")}[before]
         after = Worker(place.dataset, "after", True)
         assert after.take()

@@ -186,7 +186,7 @@ def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path)
     sleeper.take(PAIR)
     (path,) = (tmp_path / pair_claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
-    Claims(tmp_path).clean_up()  # which forgets how many claims there have been
+    Claims(tmp_path).remove_leftovers()  # which forgets how many claims there have been
     assert other.take(PAIR)
     assert [p.name for p in (tmp_path / pair_claims.CLAIMS_FOLDER).iterdir()] == [path.name]
     assert sleeper.is_lost(PAIR)
@@ -208,7 +208,7 @@ def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
         (folder / "pair.json").write_text(
             json.dumps({"files": {f"{eye}.exr": {"bytes": 1, "sha256": "0" * 64} for eye in ("left", "right")}})
         )
-    Claims(tmp_path).clean_up()
+    Claims(tmp_path).remove_leftovers()
     assert [path.name for path in pairs.iterdir()] == [PAIR]
     assert sorted(path.name for path in (pairs / PAIR).iterdir()) == ["left.exr", "pair.json", "right.exr"]
 
@@ -222,7 +222,7 @@ def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path
         folder.mkdir(parents=True)
     path = tmp_path / pair_claims.CLAIMS_FOLDER / f"{PAIR}.1"
     path.write_text(path.read_text().replace("elsewhere", socket.gethostname()))
-    Claims(tmp_path).clean_up_after(pid)
+    Claims(tmp_path).remove_leftovers_of(pid)
     assert ours.exists()
     assert not theirs.exists()
     assert not path.exists()
@@ -233,7 +233,7 @@ def test_forgetting_a_process_leaves_its_namesake_elsewhere_and_its_neighbours(t
     left_by(tmp_path, pid, system.find_process_scope(), 0.0)  # "host": "elsewhere"
     neighbour = Claims(tmp_path)
     neighbour.take("ffffffffffff")
-    Claims(tmp_path).clean_up_after(pid)
+    Claims(tmp_path).remove_leftovers_of(pid)
     assert {path.name for path in (tmp_path / pair_claims.CLAIMS_FOLDER).iterdir()} == {f"{PAIR}.1", "ffffffffffff.1"}
     neighbour.close()
 
@@ -246,12 +246,12 @@ def test_sweeping_leaves_the_living_alone(tmp_path):
     whole = tmp_path / "pairs" / "eeeeeeeeeeee"
     for folder in (kept, gone, whole):
         folder.mkdir(parents=True)
-    other.clean_up()
+    other.remove_leftovers()
     assert kept.exists()
     assert whole.exists()
     assert not gone.exists()
     mine.release(PAIR)
-    other.clean_up()
+    other.remove_leftovers()
     assert not (tmp_path / pair_claims.CLAIMS_FOLDER).exists()
 
 
@@ -279,7 +279,7 @@ def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing
     for file in (left, *kept, *also):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
-    Claims(tmp_path).clean_up()
+    Claims(tmp_path).remove_leftovers()
     assert not left.exists()
     assert not any(file.exists() for file in also)
     assert all(file.exists() for file in kept)
