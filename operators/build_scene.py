@@ -90,7 +90,7 @@ def _find_whether_up_to_date(scene_uid: int, settings: Settings) -> Steps[bool]:
     is_left_coarse = built.preview and preview.find_preview_of(built.scene, settings) is None
     if is_left_coarse or scenes.list_changed_settings(built, settings):
         return False
-    return not (yield from built.find_whether_edited())
+    return not (yield from built.is_edited_in_steps())
 
 
 class ICYMOON_OT_clear_scene(ExplainedOperator, bpy.types.Operator):
