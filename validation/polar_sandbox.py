@@ -55,11 +55,12 @@ COMPARISON = Comparison(
     "shadows of its own. Each of them fails, and the right scene passes.\n\n"
     "Of the 27 or 28 outlines of rocks of a photograph, 24 to 27 at position C are copies of another lamp's to the "
     "last digit, and up to 18 at B. Copies are not compared.\n\n"
-    "Matchers run on the photographs and on their twins, if FOLDER has `photographs/TT_P_off_AZ_E.png` of NASA's POLAR "
-    "(1936 x 1216, both eyes). Photographs are rectified into our rig. Wrong, by more than a pixel, or missing "
-    "disparities are counted on scanned rocks, two pixels inside their outlines, where both eyes see them. Each pair "
-    "is one light from one position on one ground, so the interval holds for such lights, not for other grounds. "
-    "The photographs were not here.\n\n"
+    "If FOLDER has both eyes' photographs of NASA's POLAR, `photographs/TT_P_off_AZ_E.png` (1936 x 1216), StereoBM, "
+    "SGBM, SGBM with WLS and [icynet](icynet.md) run on them and on their twins. A matcher without its library is left "
+    "out. Photographs are rectified into our rig. Disparities that are missing, or wrong by more than a pixel, are "
+    "counted on scanned rocks, two pixels inside their outlines, where both eyes see them. Each pair is one light from "
+    "one position on one ground, so the interval holds for such lights, not for other grounds. The photographs were "
+    "not here.\n\n"
     "The data are not shipped. FOLDER has `rocks/terrainTT_rockN.obj` and `labels/TT_P_off_AZ_E.txt` for each "
     "terrain TT, camera position P, azimuth AZ and eye E.",
     _compare_sandbox,
