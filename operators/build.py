@@ -30,8 +30,8 @@ from .window_events import call_later, make_registration
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
     """Set the frame and exposure of the view from ``settings``.
 
-    If the settings ``before`` the change are given, values that the user has set by hand stay. Images depend on
-    neither: they contain radiance and are rendered in a separate scene.
+    If the settings ``before`` the change are given, values that the user has set by hand stay. Pairs do not use the
+    view's frame and exposure: they contain radiance and are rendered in a separate scene.
     """
     if before is None or (before.rig.width_px, before.rig.height_px) == (
         scene.render.resolution_x,

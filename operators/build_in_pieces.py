@@ -82,7 +82,7 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
     put = scenes.put_in_scene if is_from_file(settings) else preview.put_coarse_in_scene
     built = put(scene, settings, made)
     if bpy.context.scene == scene:
-        leave_edit_mode()  # of an object of the user's, since the view will show the scene
+        leave_edit_mode()  # the view will show the scene, and not the user's edited object
     if scene_properties.read_unchecked(scene.icymoon) != settings:
         session.to_preview.add(scene.name)
         call_later(live_preview.show_waiting)

@@ -144,7 +144,7 @@ def _write_calibration_files(settings: Settings, paths: Sequence[Path], kind: st
     try:
         rig = make_calibrated_rig(settings)
     except ValueError as error:
-        raise IcyMoonError(f"The eyes do not form cameras: {error}; correct the numbers of their lenses.") from None
+        raise IcyMoonError(f"The eyes' settings make no valid cameras: {error}; correct their lenses.") from None
     write_calibration(rig, paths, kind)
 
 

@@ -134,7 +134,7 @@ class ResultKeeper:
                 self.scene.icymoon.pairs = " ".join(self._pairs)
 
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-        """Report the metrics to the user, and show the error image if the scene is the context's."""
+        """Report the metrics to the user, and show the error image if the context shows the scene."""
         push_undo("Evaluate")  # otherwise undo of the previous step would remove the results too
         for sentence in results.describe_results(results.read_summary(self.scene) if self.scene is not None else ()):
             operator.report({"INFO"}, show_controls(sentence))

@@ -205,7 +205,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
 
     def _make_command(self, *arguments: str) -> list[str]:
         """Make the command in the evaluator's Python. Without an evaluator, make the command in this Blender if the
-        format needs no images."""
+        format needs only Blender."""
         try:
             return python_command(find_evaluator_python(), "stereo", *arguments)
         except IcyMoonError:

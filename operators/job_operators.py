@@ -124,8 +124,7 @@ class WatchingOperator(ExplainedOperator):
         return self.fail(
             IcyMoonError(
                 f"{self._job.title} was ended by an error ({type(error).__name__}: {error}); start it again, and "
-                "please "
-                "report this."
+                "please report this."
             )
         )
 
@@ -216,7 +215,7 @@ class KeyStoppedOperator(WatchingOperator):
             return super().modal(context, event)
         self._job.cancel()
         self.clean_up_after_stop()
-        return {"RUNNING_MODAL"}  # the next look ends the operator
+        return {"RUNNING_MODAL"}  # the next check ends the operator
 
     def clean_up_after_stop(self) -> None:
         """Take back the changes that the operator made before its job."""
@@ -236,7 +235,7 @@ class JobOperator(WatchingOperator):
     _shown: tuple[str, ...] = ()
 
     def watch(self, context: bpy.types.Context) -> None:
-        """Follow the running job; a timer calls this repeatedly."""
+        """Follow the running job; each check of the job calls this first."""
 
     @classmethod
     def find_obstacle(cls, context: bpy.types.Context) -> str:

@@ -82,11 +82,11 @@ class Job:
     text: str = ""
     error: str = ""
     warnings: list[str] = field(default_factory=list)
-    result: Message = field(default_factory=dict)  # the job's last message; empty until the work is done
+    result: Message = field(default_factory=dict)  # the message of type done or result; empty until then
     if_stopped: str = "what was finished is kept"
-    scene_uid: int = field(default_factory=_find_scene_uid)  # of the scene in which the job was started
+    scene_uid: int = field(default_factory=_find_scene_uid)  # the scene in which the job was started
     escaped: float | None = None  # when Esc was pressed last
-    expected: Expectation | None = None  # counts until the progress shows the remaining time
+    expected: Expectation | None = None  # shown until the progress gives the remaining time
 
     @classmethod
     def start(

@@ -42,7 +42,7 @@ def keep_marks(marks: Marks) -> None:
 
 
 def stop_reading() -> None:
-    """Stop reading marks, and forget those read so far."""
+    """Stop reading marks, and forget the marks that were read."""
     known_marks.forget_marks()
     if session.marking is not None:
         session.marking.stop()

@@ -176,7 +176,7 @@ def is_evaluator_missing() -> bool:
         find_evaluator_python()
     except IcyMoonError:
         chosen = getattr(get_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
-        return not chosen  # a path that is wrong is the user's to correct
+        return not chosen  # the user must correct a wrong path
     return False
 
 

@@ -209,7 +209,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         name="Preset",
         description="Preset to load",
     )
-    # In a window: show the scene at once, its ground coarsely, then at full resolution.
+    # In a window, show the scene at once, with coarse ground first and at full resolution afterwards.
     build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
@@ -227,7 +227,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
-        session.stop_building()  # of the settings before
+        session.stop_building()  # the build of the earlier settings
         self._before = group.preset, scene_properties.read_unchecked(group)
         if preset_files.is_whole_scene(self.preset):
             loaded = description.merged(_make_fresh_settings(group), loaded)
@@ -317,7 +317,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             settings = scene_properties.read_settings(group)
             wanted = make_paths_absolute(settings)
             wanted.pop("dataset")
-            remove(find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")  # of a preset that had this name
+            remove(find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")  # the picture of an earlier preset of this name
             pictured = _save_picture(context, settings, find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")
             write_text(
                 find_own_folder() / f"{stem}.toml",

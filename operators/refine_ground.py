@@ -1,4 +1,4 @@
-"""Show a scene that was just chosen with coarse ground at once, and make its ground at full resolution meanwhile.
+"""Show a newly chosen scene at once with coarse ground, and make its ground at full resolution meanwhile.
 
 Another Blender builds the scene, and a timer takes it over from its file, in pieces that do not hold the window. If a
 setting of the ground changes, this stops at once. The fine ground adds no undo step: one undo reverts the choice of the
@@ -89,7 +89,7 @@ def start_building(settings: Settings) -> jobs.Job:
 
     Raises IcyMoonError if that Blender cannot be started.
     """
-    files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair into a folder
+    files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair
     command = blender_command(jobs.find_this_blender(), "build", str(files.file), str(files.blend))
     return jobs.Job.start("Fine Ground", command, clean_up=files.discard, clean=False)
 
@@ -213,14 +213,14 @@ def _note_change() -> None:
 
 
 def _stop_placing() -> None:
-    """Stop to take over the fine scene and remove its objects, before undo reads the file anew."""
+    """Stop taking over the fine scene, and remove its objects, before undo reads the file anew."""
     if session.placing is not None:
         session.placing.stop()
         session.placing = None
 
 
 def _resume_refining() -> None:
-    """Start to refine again, because undo, redo or opening a file may show a coarse ground."""
+    """Start refining again, because undo, redo or opening a file may show a coarse ground."""
     _note_change()
     if not bpy.app.background:
         start_refining()

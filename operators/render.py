@@ -67,18 +67,18 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
         )
     if by_hand:
         raise IcyMoonError(
-            f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
-            "to build it again, or set it back to keep your edits."
+            f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene to build it "
+            "again, or set the setting back to keep your edits."
         )
     return _build_anew(scene, settings)
 
 
 def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Built | None]:
-    """Return, in steps, the built scene if it must be rendered as the user edited it; None if another process builds it
-    from its settings.
+    """Return, in steps, the built scene if it must be rendered as the user edited it, else None.
 
-    The window must not wait for that process. If it does not show the settings already, it shows coarse ground, and the
-    fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
+    If None, another process builds the scene from its settings, and the window must not wait for that process. If the
+    window does not show the settings already, it shows coarse ground, and the fine ground follows. Ground from a file
+    stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
     edited = yield from settle(partial(find_whether_edited, scene_uid))
     scene = require_scene(scene_uid)

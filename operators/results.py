@@ -88,10 +88,10 @@ class StoredResults:
     summary: tuple[dict[str, Any], ...]
     noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
     notes: tuple[str, ...] = ()
-    briefs: tuple[str, ...] = ()  # of the notes
+    briefs: tuple[str, ...] = ()  # the notes in brief
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
-    typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
+    typical_differences: tuple[str, ...] = ()  # between every two matchers, with intervals
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -264,7 +264,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
         return []
     subject = _describe_pairs(found.pairs, scene.icymoon.pairs.split())
     if found.scope != "SCENE":
-        count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
+        count = max((row.get("pairs", 0) for row in found.summary), default=0)  # older versions stored no count
         whole = "variations" if found.scope == last_variations.SCOPE else "data set"
         subject = f"Of the {whole}" + (f", {format_count(count, 'pair')}" if count else "")
     sentences = [f"{subject}; measured {found.made.replace('T', ' ')[:16]} UTC"]

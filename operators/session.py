@@ -26,10 +26,10 @@ class ShownPair:
     """The pair and the view that the Image Editor shows."""
 
     folder: Path
-    made_of: tuple[Any, ...]  # the sources of its development
+    made_of: tuple[Any, ...]  # the folder, time and response from which it was developed
     views: PairViews
     view: str
-    turn: int = 0  # which of a view's pictures
+    turn: int = 0  # index of the shown picture of the view
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ def read_ground(built: scenes.Built) -> World:
     """Read the triangles of the ground of a built scene."""
     mesh = built.terrain.data
     corners, count = mesh_arrays.read_corners(mesh), len(mesh.polygons)
-    if built.settings.source.kind == "PROCEDURAL" and count:  # 25 ms of 3 million triangles; the general way takes 1 s
+    if built.settings.source.kind == "PROCEDURAL" and count:  # 25 ms for 3 million triangles; the general way takes 1 s
         faces = corners.reshape(count, -1)
         triangles = np.concatenate([faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)])
     else:

@@ -296,8 +296,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         return found[min(self.number, len(found)) - 1]
 
 
-# ---- shown in panels
-# ---------------------------------------------------------------------------------------------------
+# ---- shown in panels ------------------------------------------------------------------------------------------------
 
 
 def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:

@@ -41,17 +41,18 @@ from ..support.printer import show_controls
 DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MAX_KEPT = 4
-_MAX_NAMED = 3  # settings that a sentence names
+_MAX_NAMED = 3  # maximum number of settings that a sentence names
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
-_WIDTH_PX, _SHORTEST_LINE = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
+#: Width of the sidebar as Blender opens it, and characters of a line of the narrowest sidebar.
+_WIDTH_PX, _SHORTEST_LINE = 280, 18
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _SETTING_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT_SUFFIX = re.compile(r" [(][^)]*[)]$")
 #: Name of the panel that shows a setting, if it differs from the topic's name.
 _OTHER_PANELS = {("dataset", "methods"): "Evaluation"}
-#: Spaces where a line must not break, and their temporary replacement: between a number and its unit, before ▸, and
-#: after 'is'.
+#: Spaces at which a line must not break, and their temporary replacement. They are between a number and its unit,
+#: before ▸, and after 'is'.
 _FIXED_SPACE, _HELD_SPACE = (
     re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))| (?=▸)|(?<=\bis) "),
     "\u00a0",

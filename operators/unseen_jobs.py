@@ -1,9 +1,9 @@
-"""Check jobs whose operators get no more events from Blender by a timer, so that no job runs for ever.
+"""Check, by a timer, jobs whose operators get no more events from Blender, so that no job runs for ever.
 
 Blender drops a modal operator that raises an exception, without calling its ``cancel`` (seen in 4.3 and 5.2), so
-``WatchingOperator`` lets no exception out. The events of a timer continue through undo, redo, another workspace and a
-closed area, and Blender cancels the operators of a closed window or file. This timer is for faults that are not known
-yet.
+``WatchingOperator`` lets no exception out. The events of the operator's timer continue through undo, redo, another
+workspace and a closed area, and Blender cancels the operators of a closed window or file. The timer of this module is
+for faults that are not known yet.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def is_freed(operator: Any) -> bool:
         operator.bl_idname  # noqa: B018
     except ReferenceError:
         return True
-    except AttributeError:  # it is no operator of Blender
+    except AttributeError:  # not an operator of Blender
         pass
     return False
 

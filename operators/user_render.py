@@ -62,13 +62,13 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     uses_osl = scene.cycles.shading_system
     exposure, gamma = scene.view_settings.exposure, scene.view_settings.gamma
     settings = built.settings
-    if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
+    if not compat.has_oidn():  # pairs are refused; F12 renders without denoiser, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
     cycles_settings.apply_quality(
         scene, settings.quality, int(settings.dataset.seed), through=are_rocks_clear(settings)
     )
     scene.cycles.shading_system = uses_osl
-    scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
+    scene.cycles.sampling_pattern = "AUTOMATIC"  # spreads a view's first light paths evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 would never end
         scene.cycles.preview_samples = _VIEW_SAMPLES
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
@@ -115,4 +115,4 @@ def _read_values(scene: bpy.types.Scene) -> dict[str, Any]:
         and not getattr(prop, "is_enum_flag", False)
         and prop.identifier != "exposure"  # which follows the settings
         and (prop.identifier != "denoiser" or compat.has_oidn())
-    }  # else it has no choice, which Blender warns of
+    }  # without OIDN the denoiser has no choice, and reading it would make Blender warn

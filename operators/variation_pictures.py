@@ -39,8 +39,8 @@ _WALK_PX = 1.0
 _MAX_SCENES = 32
 #: Maximum number of vertices of the ground of a picture.
 _MAX_VERTICES = 20000
-_pictures = ButtonPictures()  # by the names in ``_made``
-_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
+_pictures = ButtonPictures()  # under the names in ``_made``
+_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the first and last pair, by the shown settings
 
 
 def make_rough_settings(settings: Settings) -> Settings:

@@ -40,7 +40,7 @@ _STEEPEST_FACTOR = 2.0
 _WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
 #: Distance of the ground that lamps at the cameras make brightest, as a multiple of the height of the cameras.
 _GROUND_PER_HEIGHT = 1.5
-_MAX_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
+_MAX_EXPOSURE_STOPS = 10.0  # largest exposure of the view, up or down
 #: Light of ground that faces the planet, as a share of white, below which it is invisible: a step of 8 bits.
 _MIN_VISIBLE_SHARE = 1 / 255
 
@@ -130,7 +130,7 @@ def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[
     present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     try:
         settings = merged(read_pair(folder).settings, present)
-    except IcyMoonError:  # it is gone by now
+    except IcyMoonError:  # the pair was removed meanwhile
         return
     fixed = merged(settings, {"sensor": {"auto_exposure": False, "exposure_s": exposures_s[0]}})
     estimate = estimate_white(merged(settings, {"sensor": {"auto_exposure": True}}))

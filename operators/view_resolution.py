@@ -97,7 +97,7 @@ def _refine_resting_view() -> float | None:
     traced = [scene for scene in waiting if _is_traced(scene)]
     before, now = session.load_measured_s, (time.monotonic(), time.process_time())
     session.load_measured_s = now
-    if not traced:  # there is nothing to measure until there is such a view
+    if not traced:  # nothing can be measured before a view shows the light
         session.traced_since_s = time.monotonic()
         return _INTERVAL_S if waiting else None
     seconds, busy_s = (late - early for late, early in zip(now, before, strict=True))

@@ -1,5 +1,5 @@
-"""The table of Stereo Error. For each matcher it has its rank, its metrics and the buttons that show its errors; the
-meanings of the names follow."""
+"""The table of Stereo Error: for each matcher, its rank, its metrics and the buttons that show its errors. The meanings
+of the names are below."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
                 _draw_metric(column, name, value)
         _draw_buttons(column, scene, row["method"])
         _draw_legends(column, scene, legends.pop(describe_method(row["method"]), ()))
-    for lines in legends.values():  # of a matcher that the last evaluation does not have
+    for lines in legends.values():  # legends of matchers that are not in the last evaluation
         _draw_legends(layout.column(align=True), scene, lines)
 
 

@@ -34,7 +34,7 @@ class _Field(NamedTuple):
 
     setting: Setting
     has_effect: bool
-    meaning: str  # of the present choice; empty if it is not explained
+    meaning: str  # meaning of the present choice; empty if it is not explained
 
 
 class _Found:

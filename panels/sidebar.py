@@ -191,7 +191,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         for sentence in warnings:
             draw_sentence(layout, sentence, "ERROR")
         briefs = results.list_brief_limits(context.scene)
-        for brief in briefs:  # the rest of each is below the table, to keep it in sight
+        for brief in briefs:  # the full sentences are below the table, so that the table stays in sight
             draw_lines(layout, (brief,), "ERROR" if results.casts_doubt_on_results(context.scene, brief) else "INFO")
             if brief.startswith(NOISE_DECIDES):
                 row = layout.row()

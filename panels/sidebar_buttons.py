@@ -185,7 +185,7 @@ def draw_button(layout: bpy.types.UILayout, button: Button) -> None:
     """Draw a button below the name of its panel."""
     layout.label(text=button.place)
     row = layout.row()
-    row.operator_context = "INVOKE_DEFAULT"  # with the questions that the button in the panel asks
+    row.operator_context = "INVOKE_DEFAULT"  # so that it asks the same questions as the button in the panel
     if issubclass(_find_operator_classes()[button.operator], JobOperator):
         draw_start(row, button.operator, button.text, **dict(button.properties))
         return

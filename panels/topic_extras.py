@@ -191,7 +191,7 @@ def _make_surface_extra(topic: str) -> Extra:
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_sentence(layout, advice, "INFO")
-        if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of that law
+        if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of Hapke's law
             draw_settings(layout, context.scene.icymoon, "hapke", ("w",))
         else:
             values = scene_properties.read_for_display(context.scene.icymoon)
