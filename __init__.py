@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .stereo import torch_data as torch
     from .support.errors import IcyMoonError
 
-#: The public names, and the module of each.
+#: The module of each public name.
 _NAMES = {
     "Evaluation": "library.evaluation",
     "IcyMoonError": "support.errors",
@@ -78,7 +78,7 @@ def __dir__() -> list[str]:
 
 
 def register() -> None:
-    """Called by Blender when the extension is enabled."""
+    """Register the extension. Blender calls this when the extension is enabled."""
     from . import operators, panels
     from .operators import preferences
     from .settings.blender import scene_properties
@@ -94,7 +94,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Called by Blender when the extension is disabled; undoes ``register`` in reverse order."""
+    """Undo ``register`` in reverse order. Blender calls this when the extension is disabled."""
     from . import operators, panels
     from .operators import preferences
     from .settings.blender import scene_properties

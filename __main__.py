@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from types import TracebackType
 
-#: Verbs that are separate programs: the other verbs must work without the imports of these.
+#: Verbs that are separate programs, because the other verbs must work without their imports.
 _PROGRAMS = {
     "stereo": "stereo.cli",
     "worker": "render.worker",
@@ -35,7 +35,7 @@ _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
 
 def explain_missing_blender() -> str:
-    """The fix for a Python without Blender, as a sentence."""
+    """Explain how to get a Blender for a Python without one."""
     if sys.version_info[:2] in _WITH_BLENDER:
         return f'{sys.executable} has no Blender; give one with --blender, or pip install "icymoon[blender]".'
     return (
@@ -45,12 +45,12 @@ def explain_missing_blender() -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the verb that the arguments begin with, and return its exit status."""
+    """Run the verb with which the arguments begin, and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.support.system")
     importlib.import_module("icymoon.support.printer").open_streams()
     importlib.import_module("icymoon.support.bundled_wheels").use_wheels()
-    # These verbs may be busy for minutes, and leave nothing unfinished.
+    # These verbs may be busy for minutes, and leave nothing half done if they are stopped at once.
     system.stop_with_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"], ["build"]))
     if arguments and arguments[0] in _PROGRAMS:
         with system.silence_interrupts():
@@ -65,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _find_blender_fault() -> str:
-    """The reason why Blender cannot be loaded as a module, with the fix; empty if it can, or for an unknown error."""
+    """Explain why Blender cannot be loaded as a module, with the fix; empty if it can, or if the error is unknown."""
     if "bpy" in sys.modules:
         return ""
     if importlib.util.find_spec("bpy") is None:
@@ -78,7 +78,7 @@ def _find_blender_fault() -> str:
 
 
 def _end_quietly(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """End without a message at a Ctrl-C before the command has begun."""
+    """End without a message at a Ctrl-C before the command has begun; show any other error."""
     if issubclass(kind, KeyboardInterrupt):
         os._exit(130)
     sys.__excepthook__(kind, error, trace)

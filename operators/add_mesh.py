@@ -21,7 +21,7 @@ from .sidebar_text import format_for_window
 
 
 class _AddOperator(ExplainedOperator):
-    """Mix-in: makes an object from the settings of the scene and of the operator, at the 3D cursor."""
+    """Mix-in: an operator that makes an object from its own settings and the scene's settings, at the 3D cursor."""
 
     #: (topic, key) of each setting that the operator replaces, by the name of its property.
     own_settings: dict[str, tuple[str, str]]
@@ -88,7 +88,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def read_settings(self, context: bpy.types.Context) -> Settings:
-        """The settings of the sidebar or of the preset, with the changes made here."""
+        """Return the settings of the sidebar or the preset, with the changes made in this operator."""
         start = scene_properties.read_settings(context.scene.icymoon)
         if self.preset != _AS_IN_SIDEBAR[0]:
             start = description.merged(
@@ -102,9 +102,9 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         return description.merged(start, *own)
 
     def _fill(self, start: Settings) -> None:
-        """Fill the settings that the caller did not give with those of ``start``.
+        """Fill the settings that the caller did not set from ``start``.
 
-        A preset that is chosen later, in the redo panel, replaces all but size, resolution and seed.
+        A preset that is chosen later, in the redo panel, replaces all settings but size, resolution and seed.
         """
         first = not self.filled_from
         for name, (topic, key) in self.own_settings.items():

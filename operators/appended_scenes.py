@@ -28,7 +28,7 @@ def adopt_appended() -> None:
 
 
 def _show_settings(scene: bpy.types.Scene, built: scenes.Built) -> None:
-    """Show the settings of the appended scene in the sidebar. The data set and its options stay those of this file."""
+    """Show the settings of the appended scene in the sidebar, but keep this file's data set and its options."""
     paths, present = appended_scene.find_paths(built), scene_properties.read_unchecked(scene.icymoon).dataset
     kept = merged(built.settings, *paths, {"dataset": {**present, "seed": built.settings.dataset.seed}})
     settings = merged(kept, built.preview)
@@ -40,14 +40,15 @@ def _show_settings(scene: bpy.types.Scene, built: scenes.Built) -> None:
 
 
 def _move_notes() -> None:
-    """When a file is opened, move the notes that older versions stored to their scenes."""
+    """Move the notes that older versions stored in built collections to their scenes, when a file is opened."""
     for scene in bpy.data.scenes:
         if (collection := scenes.find_collection(scene)) is not None:
             before_build.move_notes([scene, *scenes.find_scenes_sharing_build(scene)], collection)
 
 
 def _look_for_appended() -> None:
-    """Look for a built collection that its scene does not know. Blender before 4.3 does not report Append."""
+    """Schedule ``adopt_appended`` if a scene has a built collection that it does not know. Blender before 4.3 does not
+    report Append."""
     if any(
         not before_build.is_known(scene) or len(scenes.list_collections(scene)) > 1
         for scene in bpy.data.scenes

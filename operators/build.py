@@ -1,4 +1,4 @@
-"""Builds and shows a scene in the window."""
+"""Build a scene in the window, and show it."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from .window_events import call_later, make_registration
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
     """Set the frame and exposure of the view from ``settings``.
 
-    With the settings ``before`` the change, values that the user has set by hand stay. Images do not depend on them:
-    they contain radiance and are rendered in a separate scene.
+    If the settings ``before`` the change are given, values that the user has set by hand stay. Pairs do not use the
+    view's frame and exposure: they contain radiance and are rendered in a separate scene.
     """
     if before is None or (before.rig.width_px, before.rig.height_px) == (
         scene.render.resolution_x,
@@ -44,7 +44,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
 #: Azimuth of the Sun at which the default view is lit from the side.
 LIT_AZIMUTH_DEG = 300.0
 _SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
-#: Properties that a view gets if it showed a built scene when its file was saved: those of Blender's default view.
+#: Properties of Blender's default view; a view gets them if it showed a built scene when its file was saved.
 _PLAIN_VIEW: dict[str, Any] = {
     "shading": {"type": "SOLID", "use_scene_lights_render": True, "use_scene_world_render": True},
     "overlays": True,
@@ -56,7 +56,8 @@ _PLAIN_VIEW: dict[str, Any] = {
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> int:
     """Look through the stereo camera in the 3D View with the button, with rendered shading and without overlays.
 
-    The local view hides the user's objects in this view. They are not changed. Returns how many it hides now.
+    A local view hides the user's objects in this 3D View, without changing them. Returns the number of objects that
+    were hidden.
     """
     space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
@@ -101,8 +102,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> int:
 
 
 def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Restore a 3D View that showed a built scene. After undo, redo or a change of the scene it may show the scene
-    again."""
+    """Restore a 3D View that showed a built scene. The view is recorded, because undo, redo or a change of the scene
+    may bring the built scene back."""
     space = area.spaces.active
     before = session.views_before.pop(space.as_pointer())
     session.views_left.add((space.as_pointer(), before["scene"]))
@@ -128,8 +129,8 @@ def _adopt_views() -> None:
 
 
 def _find_turned_views() -> tuple[list[Any], list[Any]]:
-    """(window, area) of the 3D Views to restore, because their scene is no longer built or another scene is shown, and
-    of the views that had left a built scene and show it again."""
+    """Return two lists of 3D Views, as (window, area). The first has the views to restore: their scene is no longer
+    built, or they show another scene. The second has the views that had left a built scene and show it again."""
     gone, back = [], []
     for window, area in list_areas("VIEW_3D"):
         view, uid = area.spaces.active.as_pointer(), window.scene.session_uid
@@ -165,7 +166,7 @@ def _check_views() -> None:
 
 
 def find_views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
-    """The 3D Views, in all windows, that look through ``camera``."""
+    """List the 3D Views, in all windows, that look through ``camera``."""
     return [
         space
         for space in (area.spaces.active for _, area in list_areas("VIEW_3D"))
@@ -185,7 +186,7 @@ def look_through(spaces: list[Any], built: scenes.Built) -> None:
 
 
 def leave_edit_mode() -> None:
-    """Go to Object Mode: the builders cannot replace an object that is being edited."""
+    """Switch to Object Mode, because the builders cannot replace an object that is being edited."""
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
 
@@ -193,7 +194,7 @@ def leave_edit_mode() -> None:
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, coarse: bool = False) -> set[str]:
     """Build the scene from its settings, show it, report it, and return the result of the operator.
 
-    With ``coarse`` the ground is made coarsely, and marked for ``refine_ground`` to follow.
+    With ``coarse`` the ground is made coarsely, and marked so that ``refine_ground`` refines it.
     """
     build, scene = preview.build_coarse if coarse else scenes.build_scene, context.scene
     session.stop_building()
@@ -210,8 +211,8 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
 def build_and_show(
     context: bpy.types.Context, scene: bpy.types.Scene, build: Callable[[], scenes.Built]
 ) -> list[tuple[str, str]]:
-    """Let ``build`` build a scene, and show it. Returns sentences to report, each after its kind. Raises IcyMoonError
-    as ``build`` does."""
+    """Build a scene by ``build``, and show it. Returns (kind, sentence) pairs to report. Raises IcyMoonError if
+    ``build`` does."""
     earlier = scenes.find_built(scene)
     before = earlier.settings if earlier else None
     views = find_views_through(context, earlier.camera if earlier else None)
@@ -237,13 +238,13 @@ def build_and_show(
 
 
 def report_sentences(operator: OperatorMixin, sentences: list[tuple[str, str]]) -> None:
-    """Let an operator report sentences, each after its kind."""
+    """Let an operator report (kind, sentence) pairs."""
     for kind, sentence in sentences:
         operator.report({kind}, sentence)
 
 
 def describe_build(built: scenes.Built, hidden: int) -> str:
-    """What was built, and how many of the user's objects the view hides."""
+    """State how many ground triangles and rocks were built, and how many of the user's objects the view hides."""
     mesh = built.terrain.data
     said = (
         f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
@@ -257,8 +258,8 @@ def describe_build(built: scenes.Built, hidden: int) -> str:
 def light_untouched_scene(scene: bpy.types.Scene) -> bool:
     """Rotate the Sun of a scene with default settings, before its first build, so that its view is lit.
 
-    The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the
-    Sun was rotated.
+    The default view is in the shadow of a rise. The defaults stay, because old data sets rely on them. Returns whether
+    the Sun was rotated.
     """
     settings, untouched = scene_properties.read_unchecked(scene.icymoon), description.defaults()
     if scenes.find_collection(scene) is not None or select_scene(settings) != select_scene(untouched):

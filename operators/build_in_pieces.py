@@ -1,9 +1,9 @@
-"""Builds a scene without holding the window: with coarse ground, or in full if its ground is from a file.
+"""Build a scene without holding the window: with coarse ground, or in full if its ground is from a file.
 
 A thread computes the coarse ground and the places of its rocks. The other work needs Blender and is cut into pieces,
-few of which run in each turn of the event loop. Another Blender builds a scene whose ground is from a file, since
-Blender reads meshes in one call, and what it made is read in pieces. The pieces make objects outside all scenes, and
-the last piece puts these into the scene. If the build stops before, the scene and the file are as they were.
+few of which run in each turn of the event loop. If the ground is from a file, another Blender builds the scene, since
+Blender reads meshes in one call, and its objects are read in pieces. The pieces make objects outside all scenes, and
+the last piece puts them into the scene. If the build stops earlier, the scene and the file are unchanged.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ from .window_areas import find_scene, redo, redraw_panels
 from .window_events import call_later, make_registration
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
-#: What a build reports that finds the scene as it would be built.
+#: Report of a build that finds the scene up to date: kind and sentence.
 UNCHANGED = "INFO", "The scene is built already, and nothing has changed since"
 
 
 def build_in_pieces(scene_uid: int, settings: Settings) -> Steps[list[tuple[str, str]]]:
-    """Build the scene with this ``session_uid`` in steps, and show it. Procedural ground is coarse. Returns sentences
-    to report.
+    """Build the scene with this ``session_uid`` in steps, and show it. Procedural ground is coarse. Returns (kind,
+    sentence) pairs to report.
 
-    Raises IcyMoonError, without changing the scene, as ``preview.build_coarse`` does and if the scene or what was made
-    for it is gone.
+    Raises IcyMoonError, without changing the scene, if ``preview.build_coarse`` does, or if the scene or an object made
+    for it was deleted.
     """
     scene, made = yield from make_for_scene(scene_uid, settings)
     return build_and_show(bpy.context, scene, partial(put_in_scene, scene, settings, made))
 
 
 def make_for_scene(scene_uid: int, settings: Settings) -> Steps[tuple[bpy.types.Scene, MadeObjects]]:
-    """Make the objects of a scene in steps, for the scene with this ``session_uid``, which is returned too.
+    """Make the objects of the scene with this ``session_uid`` in steps. Returns the scene and its objects.
 
     Raises IcyMoonError as ``build_in_pieces`` does.
     """
@@ -64,7 +64,8 @@ def make_for_scene(scene_uid: int, settings: Settings) -> Steps[tuple[bpy.types.
 
 
 def _build_elsewhere(settings: Settings) -> Steps[MadeObjects]:
-    """Let another Blender build a scene in full, and read its objects in steps. Raises IcyMoonError if it cannot."""
+    """Let another Blender build a scene in full, and read its objects in steps. Raises IcyMoonError if the build
+    fails."""
     job = refine_ground.start_building(settings)
     try:
         while job.poll():
@@ -77,11 +78,11 @@ def _build_elsewhere(settings: Settings) -> Steps[MadeObjects]:
 
 
 def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) -> scenes.Built:
-    """Put what was made into a scene, and let settings follow that were changed meanwhile."""
+    """Put made objects into a scene, and schedule a preview of settings that were changed meanwhile."""
     put = scenes.put_in_scene if is_from_file(settings) else preview.put_coarse_in_scene
     built = put(scene, settings, made)
     if bpy.context.scene == scene:
-        leave_edit_mode()  # of an object of the user's, since the view will show the scene
+        leave_edit_mode()  # the view will show the scene, and not the user's edited object
     if scene_properties.read_unchecked(scene.icymoon) != settings:
         session.to_preview.add(scene.name)
         call_later(live_preview.show_waiting)
@@ -91,7 +92,7 @@ def put_in_scene(scene: bpy.types.Scene, settings: Settings, made: MadeObjects) 
 class PiecewiseBuildOperator(KeyStoppedOperator):
     """Mix-in: an operator that builds the scene in pieces. Blender adds one undo step at the end.
 
-    Esc and Ctrl Z stop the build, and the operator then takes back what it has changed before.
+    Esc and Ctrl Z stop the build, and the operator then takes back its earlier changes.
     """
 
     interval_s = PIECES_INTERVAL_S
@@ -109,11 +110,12 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
         return session.building
 
     def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
-        """The build, in steps that return sentences to report. Raises IcyMoonError if the settings are invalid."""
+        """Make the steps of the build, which return (kind, sentence) pairs to report. Raises IcyMoonError if the
+        settings are invalid."""
         return build_in_pieces(self._scene_uid, scene_properties.read_settings(context.scene.icymoon))
 
     def take_back(self, scene: bpy.types.Scene) -> None:
-        """Set the settings of the scene back to those before the operator."""
+        """Restore the settings that the scene had before the operator."""
 
     def clean_up_after_stop(self) -> None:
         if (scene := find_scene(self._scene_uid)) is not None:
@@ -127,7 +129,7 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
         redraw_panels()
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Report what was built, and let the ground at full resolution follow."""
+        """Report the built scene, and start to make its ground at full resolution."""
         sentences = self._job.result["value"]
         report_sentences(self, sentences)
         if sentences == [UNCHANGED]:
@@ -138,14 +140,14 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
 
 
 def _stop_before_undo() -> None:
-    """Stop the build, and note that the undo is meant for it."""
+    """Stop a running build, and note that the undo is meant for the build."""
     session.undone_build = session.building is not None
     session.stop_building()
 
 
 def _return_after_undo() -> None:
-    """Redo the undo that a menu started during a build. The build has no undo step yet, so the undo took back the step
-    before it too; the redo comes to the state before the build."""
+    """Redo an undo that was meant for a running build. The build has no undo step yet, so the undo also took back the
+    step before the build, and the redo restores it."""
     if session.undone_build:
         session.undone_build = False
         call_later(redo)

@@ -62,9 +62,9 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
         return result
 
     def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
-        """The build in steps, unless the scene is as the build would make it."""
+        """Make the steps of the build. If the scene is up to date already, they only return ``UNCHANGED``."""
         settings = scene_properties.read_settings(context.scene.icymoon)
-        if (yield from settle(partial(_find_whether_up_to_date, self._scene_uid, settings))):
+        if (yield from settle(partial(_is_up_to_date, self._scene_uid, settings))):
             return [UNCHANGED]
         return (yield from build_in_pieces(self._scene_uid, settings))
 
@@ -74,16 +74,16 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
             scene.icymoon.light.sun_azimuth_deg = self._azimuth_deg
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene in full, as scripts expect; after a question to the user in pieces."""
+        """Build the scene in full, as scripts expect, or in pieces after a question to the user."""
         if self._asked:
             self._asked = False
             return super().invoke(context, None)
         return build_and_report(self, context)
 
 
-def _find_whether_up_to_date(scene_uid: int, settings: Settings) -> Steps[bool]:
-    """Find, in steps, whether a scene shows these settings and nothing was edited by hand. Its ground may be coarse
-    while the fine one follows."""
+def _is_up_to_date(scene_uid: int, settings: Settings) -> Steps[bool]:
+    """Return, in steps, whether a scene shows these settings and no object was edited by hand. The ground may be coarse
+    while the fine ground is made."""
     built = scenes.find_built(require_scene(scene_uid))
     if built is None or built.outdated or scenes.why_shared(built):
         return False

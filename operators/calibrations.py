@@ -21,7 +21,7 @@ from ..support.printer import show_controls
 from . import dialogs
 from .sidebar_text import format_for_window
 
-#: What the file itself states.
+#: Choice of the value that the file states.
 _FILE = "FILE"
 _FORMATS = [(name, kind.title, f"Files of {kind.title}") for name, kind in FORMATS.items()]
 _LABELS = {"--unit": "Unit", "--size": "Image Size", "--lens": "Lens", "--cameras": "Cameras", "--format": "Format"}
@@ -35,7 +35,8 @@ def _translate_error(error: IcyMoonError) -> str:
 
 
 def list_calibration_files(path: Path, name: str) -> list[Path]:
-    """The files of a pair's calibration in a format, beside ``path``: one for each eye, or one for both."""
+    """List the paths of a pair's calibration files in a format, named after ``path``: one file for each eye, or one for
+    both."""
     kind = FORMATS[name]
     if not kind.suffix:
         return [path.with_suffix("")]
@@ -131,7 +132,7 @@ class ICYMOON_OT_write_calibration(dialogs.FileDialog, bpy.types.Operator):
         try:
             paths = list_calibration_files(Path(bpy.path.abspath(self.filepath)), self.kind)
             settings = scene_properties.read_settings(context.scene.icymoon)
-            _write(settings, paths, self.kind)
+            _write_calibration_files(settings, paths, self.kind)
         except IcyMoonError as error:
             self.report({"ERROR"}, _translate_error(error))
             return {"CANCELLED"}
@@ -139,11 +140,11 @@ class ICYMOON_OT_write_calibration(dialogs.FileDialog, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _write(settings: Settings, paths: Sequence[Path], kind: str) -> None:
+def _write_calibration_files(settings: Settings, paths: Sequence[Path], kind: str) -> None:
     try:
         rig = make_calibrated_rig(settings)
     except ValueError as error:
-        raise IcyMoonError(f"The eyes do not form cameras: {error}; correct the numbers of their lenses.") from None
+        raise IcyMoonError(f"The eyes' settings make no valid cameras: {error}; correct their lenses.") from None
     write_calibration(rig, paths, kind)
 
 

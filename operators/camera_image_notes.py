@@ -19,24 +19,25 @@ _MAX_CHARACTERS = 120
 
 
 def name_camera_image(pair: str, eye: str) -> str:
-    """The name of the image of an ``eye``, left or right, of the pair with an id."""
+    """Return the name of the image of a pair's ``eye``, left or right."""
     return f"{eye.title()} Camera, Pair {pair}"
 
 
 def note_camera_image(image: bpy.types.Image) -> None:
-    """Store with a loaded camera image how it is shown, and why it is dark if most of it is."""
+    """Store a note with a loaded camera image: how the image is shown and, if most of it is dark, why."""
     dark = describe_darkness(_read_levels(image)) if len(image.pixels) else ""
     image[_NOTE] = "; ".join([AS_RECORDED.capitalize(), *filter(None, [dark])])
 
 
 def read_note(image: bpy.types.Image) -> str:
-    """The note of an image; empty without one. Anyone may have made the file."""
+    """Read the note of an image; empty without a note. Long notes are cut and other types ignored, because anyone may
+    have made the file."""
     note = image.get(_NOTE)
     return note[:_MAX_CHARACTERS] if isinstance(note, str) else ""
 
 
 def _read_levels(image: bpy.types.Image) -> Array:
-    """The mean of the colours of an image as a screen shows them, from 0 to 1."""
+    """Read the levels (n,) of an image's pixels: the mean of their colours as a screen shows them, from 0 to 1."""
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)
     levels = values.reshape(-1, image.channels)[:, : min(3, image.channels)].mean(axis=1)

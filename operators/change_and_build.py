@@ -22,7 +22,7 @@ class ChangeAndBuildOperator(PiecewiseBuildOperator):
     _before: Mapping[str, Mapping[str, Any]] | None = None  # the changed topics, once the operator has changed them
 
     def change_settings(self, scene: bpy.types.Scene, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        """Change settings of the scene. The live preview leaves it to the build to show them."""
+        """Change settings of the scene. The build that comes next shows them, and not the live preview."""
         before = scene_properties.read_unchecked(scene.icymoon)
         self._scene_uid = scene.session_uid
         self._before = {topic: before[topic] for topic in changes}
@@ -38,12 +38,12 @@ class ChangeAndBuildOperator(PiecewiseBuildOperator):
         return result
 
     def take_back(self, scene: bpy.types.Scene) -> None:
-        """Give the scene back its settings from before the operator."""
+        """Restore the settings that the scene had before the operator."""
         if self._before is not None:
             scene_properties.write_settings(scene.icymoon, self._before)
 
     def fail(self, error: Exception) -> set[str]:
-        """Report an error, with the settings as before."""
+        """Restore the settings, and report an error."""
         if (scene := find_scene(self._scene_uid)) is not None:
             self.take_back(scene)
         return super().fail(error)

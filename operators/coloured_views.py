@@ -1,8 +1,8 @@
-"""Shows the colours of errors in 3D Views, and restores the views afterwards.
+"""Show the colours of errors in 3D Views, and restore the views afterwards.
 
 Undo does not change the window's layout. So a timer restores the views when undo removes the errors or the window shows
-another scene, and shows the colours again when they return. A scene stores the earlier shading of its view, so that the
-view can be restored after its file is opened again.
+another scene, and shows the colours again when the errors or the scene return. A scene stores the earlier shading of
+its view, so that the view can be restored after its file is opened again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SHADING_KEYS = ("color_type", "light", "type")
 
 
 def _list_views() -> Iterator[tuple[bpy.types.Scene, Any]]:
-    """All 3D Views with their scenes."""
+    """Iterate over (scene, space) of all 3D Views."""
     return ((window.scene, area.spaces.active) for window, area in list_areas("VIEW_3D"))
 
 
@@ -78,12 +78,12 @@ def give_back_views(scene: bpy.types.Scene) -> None:
 
 
 def is_shown(scene: bpy.types.Scene) -> bool:
-    """Whether a scene shows something in colours: errors, or the points or beams of a LiDAR."""
+    """Return whether a scene shows something in colours: errors, or the points or beams of a LiDAR."""
     return shows_errors(scene) or lidar_in_view.find_shown(scene) is not None
 
 
 def shows_errors(scene: bpy.types.Scene) -> bool:
-    """Whether a measured surface or painted errors are shown in a scene."""
+    """Return whether a measured surface or painted errors are shown in a scene."""
     return measured_surface.find_points(scene) is not None or painted_errors.find_painted(scene) is not None
 
 

@@ -43,7 +43,8 @@ readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": Non
 
 
 def list_plan_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
-    """(name, title, description) of the shipped plans, read once. Blender requires that Python keeps the strings."""
+    """List (name, title, description) of the shipped plans. They are read once and kept, because Blender requires that
+    Python keeps the strings."""
     if not _plans:
         _plans.extend((name, *read_plan_header(find_plan(name))) for name in plan_names())
     return _plans
@@ -63,7 +64,7 @@ def find_chosen_plan(settings: Settings) -> str:
 
 
 def find_plan_title(name: str) -> str:
-    """The title of a shipped plan, or the name of a file."""
+    """Return the title of a shipped plan, or the name of a plan's file."""
     return next((title for known, title, _ in list_plan_items() if known == name), Path(name).name)
 
 
@@ -76,7 +77,7 @@ def find_state_folder() -> Path:
 
 
 def make_verb_command(*arguments: str) -> list[str]:
-    """The command that runs a verb in this Blender, or in its Python if Blender is a module."""
+    """Make the command that runs a verb in this Blender, or in its Python if Blender is a module."""
     return blender_command(jobs.find_this_blender(), *arguments)
 
 
@@ -147,7 +148,7 @@ def _note_pairs(message: Message) -> None:
 
 
 class DatasetJob(jobs.Job):
-    """A data set that is being rendered. A pair that is set aside does not end it.
+    """A job that renders a data set. A pair that is set aside does not end it.
 
     If the job ``evaluates``, its progress starts again when all pairs are rendered.
     """
@@ -169,8 +170,10 @@ class DatasetJob(jobs.Job):
 
 
 def make_batch_command(scene: bpy.types.Scene, settings: Settings, plan: str) -> list[str]:
-    """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that. Raises
-    IcyMoonError if an evaluation is wanted without an evaluator.
+    """Make the command that renders a plan into the data set folder, and then evaluates the pairs if the settings ask
+    for it.
+
+    Raises IcyMoonError if an evaluation is wanted but there is no evaluator.
     """
     wanted, folder = settings.dataset, find_dataset_folder(settings)
     count = wanted.workers or count_workers()
@@ -200,10 +203,10 @@ def make_batch_command(scene: bpy.types.Scene, settings: Settings, plan: str) ->
 
 
 def start_batch(settings: Settings, command: list[str], plan: str, scope: str = "DATASET") -> DetachedProcess:
-    """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it, and ``scope`` one
-    of ``evaluate.SCOPES``.
+    """Start a command from ``make_batch_command``. ``plan`` is the value of the setting ``dataset.plan``, and ``scope``
+    one of ``evaluate.SCOPES``.
 
-    Raises IcyMoonError if the data set is being rendered.
+    Raises IcyMoonError if the data set is being rendered already.
     """
     folder = find_dataset_folder(settings)
     return DetachedProcess.start(
@@ -221,7 +224,7 @@ def start_batch(settings: Settings, command: list[str], plan: str, scope: str = 
 
 
 class DatasetOperator(JobOperator):
-    """Mix-in: an operator that watches a data set."""
+    """Mix-in: an operator that watches the rendering of a data set."""
 
     stops_on_escape = False
     _process: DetachedProcess
@@ -261,7 +264,7 @@ class DatasetOperator(JobOperator):
         return bool(self._process.facts.get("scope") == last_variations.SCOPE)
 
     def _keep_variations(self) -> None:
-        """Store with the scene which of its variations the sidebar shows."""
+        """Store the ids of rendered variations with the scene, for the sidebar."""
         scene = self._keeper.scene
         if self._is_of_variations and scene is not None:
             pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs

@@ -22,7 +22,7 @@ TITLE = "Decide"
 
 
 class DecidingOperator(JobOperator):
-    """Mix-in: an operator that decides on the data set by the chosen matchers."""
+    """Mix-in: an operator that decides on the pairs of the data set by the chosen matchers."""
 
     fuse_suns: bpy.props.BoolProperty(
         name="Fuse Suns",
@@ -31,8 +31,7 @@ class DecidingOperator(JobOperator):
     )
 
     def make_file_arguments(self) -> tuple[str, ...]:
-        """The arguments of the command that name a file of the user; empty for the shipped rules without a
-        guarantee."""
+        """Return the command's arguments for a file of the user; empty for the shipped rules without a guarantee."""
         return ()
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -79,7 +78,7 @@ class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """The tooltip, with a sentence on several Suns."""
+        """Return the tooltip, with a sentence on several Suns if they are fused."""
         suns = properties.rna_type.properties["fuse_suns"].description
         return f"{cls.__doc__}. {suns}" if properties.fuse_suns else str(cls.__doc__)
 
@@ -88,7 +87,7 @@ class DecidingByFile(DecidingOperator):
     """Mix-in: an operator that asks for a file, and then decides in the background."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called with the chosen file: starts the job."""
+        """Start the job, once the file is chosen."""
         if bpy.app.background:
             return DecidingOperator.execute(self, context)
         return DecidingOperator.invoke(self, context, None)

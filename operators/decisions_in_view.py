@@ -40,7 +40,7 @@ _SITES_BY_VERDICT = {
 
 
 def list_decided_methods(scene: bpy.types.Scene) -> list[str]:
-    """The matchers with decisions on the data set to show, then the true depth; empty without decisions."""
+    """List the matchers that have decisions on the present data set, then the true depth; empty without decisions."""
     try:
         return stored_maps.list_methods(_find_folder(scene))
     except IcyMoonError:
@@ -68,7 +68,7 @@ class ICYMOON_OT_paint_decisions(PiecewiseOperator, KeyStoppedOperator, bpy.type
         return "There are no decisions on this data set yet; press Decide Where to Dig"
 
     def start(self, context: bpy.types.Context) -> Job:
-        """Start to paint, in place of what is being painted."""
+        """Stop a painting that still runs, and start this one."""
         session.stop_painting()
         session.painting = PiecewiseOperator.start(self, context)
         return session.painting
@@ -79,9 +79,9 @@ class ICYMOON_OT_paint_decisions(PiecewiseOperator, KeyStoppedOperator, bpy.type
             session.painting = None
 
     def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
-        """Find the map, and paint it, in steps."""
+        """Find and paint the map in steps."""
         uid, method = context.scene.session_uid, self.method or list_decided_methods(context.scene)[0]
-        read = yield from settle(partial(_find_map, uid, method, self.map))
+        read = yield from settle(partial(_find_map_reader, uid, method, self.map))
         stored = yield read
         find_build = partial(errors_in_view.find_current_build, uid)
         collection = yield from painted_decisions.paint_decisions(find_build, stored, describe_method(method))
@@ -90,9 +90,9 @@ class ICYMOON_OT_paint_decisions(PiecewiseOperator, KeyStoppedOperator, bpy.type
         self.report({"INFO"}, show_controls(f"Decisions by {describe_method(method)} shown on the ground{site}"))
 
 
-def _find_map(scene_uid: int, method: str, kind: str) -> Steps[Callable[[], stored_maps.StoredMap]]:
-    """A function that reads a map of the pair that shows a built scene, found in steps. Raises IcyMoonError if the
-    scene or the map is missing."""
+def _find_map_reader(scene_uid: int, method: str, kind: str) -> Steps[Callable[[], stored_maps.StoredMap]]:
+    """Find, in steps, the pair that shows a built scene; return a function that reads its map. Raises IcyMoonError if
+    the scene or the map is missing."""
     folder = _find_folder(require_scene(scene_uid))
     pairs = stored_maps.list_pairs(folder, method)
     if not pairs:

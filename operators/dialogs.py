@@ -24,7 +24,7 @@ class SearchDialog(OperatorMixin):
 
 
 def file_property(description: str) -> Any:
-    """The property ``filepath`` of a file dialog."""
+    """Make the property ``filepath`` of a file dialog."""
     return bpy.props.StringProperty(subtype="FILE_PATH", name="File", description=description)
 
 

@@ -82,10 +82,10 @@ class ICYMOON_OT_paint_errors(PiecewiseOperator, JobOperator, bpy.types.Operator
         return explain_missing_results(context.scene) or super().find_obstacle(context)
 
     def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
-        """Find the errors of all vertices, and paint them, in steps."""
+        """Find and paint the errors of all vertices in steps."""
         scene = context.scene
         uid, method = scene.session_uid, self.method or next(iter(list_methods_with_disparities(scene)), "")
-        sources = yield from settle(partial(_find_errors, uid, method))
+        sources = yield from settle(partial(_find_error_sources, uid, method))
         meshes = yield from settle(partial(_read_meshes, uid))
         full_m = require_scene(uid).icymoon.error_range_m
         errors = yield partial(_compute_errors, meshes, sources, full_m, report)
@@ -99,11 +99,11 @@ class ICYMOON_OT_paint_errors(PiecewiseOperator, JobOperator, bpy.types.Operator
         self.report({"INFO"}, show_controls(f"Depth errors of {title} painted on the ground"))
 
 
-def _find_errors(scene_uid: int, method: str) -> Steps[list[tuple[Path, Path]]]:
-    """Find, in steps, folder and disparities of the evaluated pairs of a built scene: those of the present settings,
-    else pairs of the same ground and cameras.
+def _find_error_sources(scene_uid: int, method: str) -> Steps[list[tuple[Path, Path]]]:
+    """Find, in steps, the evaluated pairs of a built scene. Returns the folder and the disparity file of each pair.
 
-    Raises IcyMoonError if there is no such pair.
+    The pairs have the present settings; if there are none, the same ground and cameras. Raises IcyMoonError if there is
+    no such pair.
     """
     scene = require_scene(scene_uid)
     files = find_disparity_files(scene, method)
@@ -125,7 +125,7 @@ def _compute_errors(
     full_m: float,
     report: Callable[[float, str], object],
 ) -> painted_errors.FoundErrors:
-    """Read the depth errors of pairs, and find those of the vertices; a thread calls this, since reading takes long.
+    """Read the depth errors of pairs, and find the errors of the vertices. A thread calls it, since reading takes long.
 
     Raises IcyMoonError for any error.
     """
@@ -137,8 +137,10 @@ def _compute_errors(
 
 
 def find_current_build(scene_uid: int) -> scenes.Built:
-    """The built scene with this ``session_uid``, in Object Mode. Raises IcyMoonError if its ground or camera differs
-    from the present settings."""
+    """Return the built scene with this ``session_uid``, in Object Mode.
+
+    Raises IcyMoonError if the scene is not built in full, or if its ground or camera differs from the present settings.
+    """
     scene = require_scene(scene_uid)
     leave_edit_mode()  # a mesh that is being edited has no attributes
     built = scenes.find_built(scene)
@@ -152,8 +154,11 @@ def find_current_build(scene_uid: int) -> scenes.Built:
 
 
 def find_shown_pairs(built: scenes.Built, folder: Path, names: Sequence[str]) -> Steps[list[str]]:
-    """The pairs with these ids in a folder that show the built scene, found in steps: pairs of the present settings, or
-    else of the same ground and cameras. Raises IcyMoonError, with the reason, if no pair shows the scene."""
+    """Find, in steps, the ids of the pairs in a folder that show the built scene, among ``names``.
+
+    The pairs have the present settings; if there are none, the same ground and cameras. Raises IcyMoonError, with the
+    reason, if no pair shows the scene.
+    """
     settings = scene_properties.read_settings(built.scene.icymoon)
     planned = yield from plan_pairs_in_steps(built.scene, settings)
     if found := [pair.id for pair in planned if pair.id in names]:
@@ -167,7 +172,7 @@ def _changes_ground_or_camera(name: str) -> bool:
 
 
 def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]) -> Steps[list[str]]:
-    """Ids of pairs of the built scene, one for each heading.
+    """Find, in steps, pairs that show the built scene. Returns one id for each heading.
 
     Raises IcyMoonError, with the reason, if no pair shows the scene.
     """

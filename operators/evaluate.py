@@ -32,7 +32,7 @@ from .settled_steps import settle
 from .sidebar_text import name_settings
 from .window_areas import find_scene, push_undo
 
-#: What can be evaluated, as items of a choice.
+#: Scopes of an evaluation, as items of a choice.
 SCOPES = (
     ("SCENE", "This Scene", "The pairs of the present settings"),
     ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
@@ -41,12 +41,12 @@ SCOPES = (
 
 
 def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
-    """The folders of the rendered pairs of the present settings. Raises IcyMoonError if no pair is rendered."""
+    """Find the folders of the rendered pairs of the present settings. Raises IcyMoonError if no pair is rendered."""
     return finish(find_rendered_pairs_in_steps(context.scene.session_uid, settings))
 
 
 def find_rendered_pairs_in_steps(scene_uid: int, settings: Settings) -> Steps[list[Path]]:
-    """As ``find_rendered_pairs``, in steps."""
+    """Find the folders of the rendered pairs as ``find_rendered_pairs`` does, in steps."""
     dataset = find_dataset_folder(settings)
     planned = yield from plan_pairs_in_steps(require_scene(scene_uid), settings)
     paths = [path for path in (pair.folder(dataset) for pair in planned) if is_complete(path)]
@@ -59,8 +59,8 @@ def find_rendered_pairs_in_steps(scene_uid: int, settings: Settings) -> Steps[li
 
 
 def _name_changes(scene: bpy.types.Scene) -> str:
-    """The end of a sentence that names the settings that have changed since a scene's pair was rendered; empty without
-    a pair."""
+    """Return the end of a sentence that names the settings changed since a scene's pair was rendered; empty without a
+    pair or a change."""
     changed = [each for folder in find_kept_pairs(scene)[:1] for each in list_changes_since_render(scene, folder)]
     return f", because {name_settings(changed)} changed after the last render" if changed else ""
 
@@ -72,7 +72,8 @@ def check_has_pairs(dataset: Path) -> None:
 
 
 def make_response_arguments(settings: Settings) -> list[str]:
-    """The settings that need no new render, as arguments of the evaluator."""
+    """Return the settings that change only the camera's response, and so need no new render, as arguments of the
+    evaluator."""
     texts = [
         f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
         for topic, s in list_all_settings()
@@ -91,7 +92,7 @@ def make_matcher_arguments(settings: Settings, flag: str = "--methods") -> list[
 
 
 def explain_missing_maps(scene: bpy.types.Scene) -> str:
-    """A sentence on why an evaluation cannot write maps of a scene's ground; empty if no reason is known."""
+    """Explain in a sentence why an evaluation cannot write maps of a scene's ground; empty if no reason is known."""
     source = scene_properties.read_for_display(scene.icymoon).source
     if source.kind != "HEIGHT_MAP":
         return "Maps need ground from a GeoTIFF with a coordinate system."
@@ -102,7 +103,8 @@ def explain_missing_maps(scene: bpy.types.Scene) -> str:
 
 
 def make_map_arguments(scene: bpy.types.Scene, settings: Settings) -> list[str]:
-    """The evaluator's arguments for the maps that the settings ask for; empty if the scene's ground has no map."""
+    """Return the evaluator's arguments for maps; empty if the settings ask for none or the scene's ground has no
+    map."""
     if not settings.dataset.maps or explain_missing_maps(scene):
         return []
     cell_m = settings.dataset.map_cell_m
@@ -132,7 +134,7 @@ class ResultKeeper:
                 self.scene.icymoon.pairs = " ".join(self._pairs)
 
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-        """Report the metrics to the user."""
+        """Report the metrics to the user, and show the error image if the context shows the scene."""
         push_undo("Evaluate")  # otherwise undo of the previous step would remove the results too
         for sentence in results.describe_results(results.read_summary(self.scene) if self.scene is not None else ()):
             operator.report({"INFO"}, show_controls(sentence))
@@ -233,7 +235,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
             column.label(text=line)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called with the chosen folder: starts the job."""
+        """Start the job, once the folder is chosen."""
         return super().execute(context) if bpy.app.background else super().invoke(context, None)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -275,7 +277,7 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """The tooltip, with the requirements of the matcher, if any."""
+        """Return the tooltip, with the requirements of the matcher, if any."""
         needs = get_matcher_needs(properties.matcher)
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 

@@ -15,7 +15,7 @@ from .sidebar_text import format_for_window, replace_keys_by_labels
 
 
 def collect_findings() -> list[Finding]:
-    """The findings of ``doctor`` on this Blender, the evaluator and the preferred kernels."""
+    """Collect the findings of ``doctor`` on this Blender, the evaluator, the landforms and the preferred kernels."""
     try:
         found = examine_evaluator(find_evaluator_python())
     except IcyMoonError as error:

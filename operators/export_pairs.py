@@ -1,4 +1,4 @@
-"""Export Pair or Data Set: pairs in the layouts of other programs, by the command line's own exports."""
+"""Export Pair or Data Set: write pairs in the layouts of other programs, by the exports of the command line."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from .render import find_dataset_folder
 from .session import Exported, session
 from .sidebar_text import format_for_window
 
-#: The choice that stands among the formats for --for-prediction of the command line.
+#: The choice in the list of formats that stands for --for-prediction of the command line.
 _FOR_PREDICTION = "for-prediction"
 HEADINGS = {**list_headings(), _FOR_PREDICTION: "Matching Elsewhere"}
 
 
 def _list_formats() -> list[tuple[str, str, str]]:
-    """The entries of the list of formats, with a heading above each group."""
+    """Make the entries of the list of formats, with a heading above each group."""
     entries = [(name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()]
     entries.append((_FOR_PREDICTION, "For Prediction", "Only images and camera of each pair, for a matcher elsewhere"))
     found = []
@@ -44,7 +44,7 @@ def _list_formats() -> list[tuple[str, str, str]]:
 
 
 def find_format_title(kind: str) -> str:
-    """The title of a format, as the list of formats has it."""
+    """Return the title that a format has in the list of formats."""
     return next((title for name, title, _ in _list_formats() if name == kind), kind)
 
 
@@ -79,13 +79,13 @@ _OptionFields = type(
 
 
 def is_developed(kind: str) -> bool:
-    """Whether a format has images, for which the camera response counts."""
+    """Return whether a format has images, for which the camera response counts."""
     return kind not in exports_with_blender()
 
 
 def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
-    """The folders of a scene that can be exported: its last pairs, and its data set and its variations if they have
-    pairs."""
+    """Find the folders of a scene that can be exported: its last pairs, and its data set and its variations if they
+    have pairs."""
     try:
         dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
     except IcyMoonError:
@@ -100,7 +100,8 @@ def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
 
 
 def _has_pairs_now(dataset: Path) -> bool:
-    """``has_pairs`` for the window, which asks at every redraw. The folder is read only after it has changed."""
+    """Return ``has_pairs`` for the window, which asks at every redraw. The folder is read again only after it has
+    changed or some seconds have passed."""
     changed_ns = []
     for folder in (dataset, pairs_folder(dataset)):
         try:
@@ -116,9 +117,9 @@ def _read_has_pairs(dataset: Path, changed_ns: tuple[int, ...], period: int) -> 
 
 
 def find_export(scene: bpy.types.Scene, source: str) -> Exported | None:
-    """The last export if it still is of the pairs that a ``source`` has; None otherwise.
+    """Return the last export if its pairs are still the pairs of ``source``, else None.
 
-    Why an export failed counts until a setting changes, since that may be the remedy.
+    The reason of a failed export is dropped once a setting changes, since that may be the remedy.
     """
     done = session.exported.get((scene.session_uid, source))
     if done is None or find_sources(scene).get(source) != [*done.paths]:
@@ -170,7 +171,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
             layout.prop(self, "response")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called with the chosen folder: starts the job."""
+        """Start the job, once the folder is chosen."""
         return super().execute(context) if bpy.app.background else super().invoke(context, None)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -203,8 +204,8 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
         return jobs.Job.start("Export", command, if_stopped="what was written is kept")
 
     def _make_command(self, *arguments: str) -> list[str]:
-        """The command in the evaluator's Python. Without an evaluator, the command in this Blender, if the format needs
-        only that."""
+        """Make the command in the evaluator's Python. Without an evaluator, make the command in this Blender if the
+        format needs only Blender."""
         try:
             return python_command(find_evaluator_python(), "stereo", *arguments)
         except IcyMoonError:

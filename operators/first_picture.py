@@ -1,7 +1,7 @@
-"""The picture of a chosen scene in its camera's frame, until the view itself has traced some light.
+"""Show the picture of a chosen scene in its camera's frame, until the view itself has traced some light.
 
-Cycles shows its first picture with the ground at full resolution after some seconds, and on two processors without a
-graphics card that picture is grainy for a minute. The picture by which the scene was chosen shows the same ground and
+Cycles shows its first picture with the ground at full resolution after some seconds; on two processors without a
+graphics card, this picture is grainy for a minute. The picture by which the scene was chosen shows the same ground and
 light. It is drawn over the view, so no image is added to the file. A changed setting removes the picture.
 """
 
@@ -21,13 +21,13 @@ from ..support.blender import compat
 from ..support.srgb import from_srgb
 from .window_areas import redraw
 
-#: Number of draws of the view with the fine ground before the picture is removed: one for a light path of each pixel,
-#: more if the mouse moves.
+#: Draws of the view, with the fine ground, until the picture is removed. The view is drawn once for a light path of
+#: each pixel, and more often if the mouse moves.
 _DRAWS_BEFORE_REMOVAL = 8
 
 
 class FirstPicture:
-    """The picture that is drawn over the view of a scene, if there is one."""
+    """The picture, if any, that is drawn over the view of a scene."""
 
     def __init__(self) -> None:
         self._scene_name = ""
@@ -36,19 +36,19 @@ class FirstPicture:
         self._handler: object = None
 
     def show(self, scene: bpy.types.Scene, path: Path) -> None:
-        """Draw a picture over the view of a built scene, if there are a window and the file."""
+        """Draw a picture over the view of a built scene, if a window and the picture's file exist."""
         self.remove()
         if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
             self._scene_name, self._left, self._texture = scene.name, None, _read_texture(path)
             self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
     def count(self, scene: bpy.types.Scene) -> None:
-        """The view now shows its final ground: remove the picture once the view is clear."""
+        """Count draws from now on, because the view shows its final ground; the last one removes the picture."""
         if self.is_shown(scene) and self._left is None:
             self._left = _DRAWS_BEFORE_REMOVAL
 
     def is_shown(self, scene: bpy.types.Scene) -> bool:
-        """Whether a picture covers the view of a scene."""
+        """Return whether a picture covers the view of a scene."""
         return self._handler is not None and self._scene_name == scene.name
 
     def remove(self) -> None:
@@ -77,7 +77,7 @@ class FirstPicture:
 
 
 def _read_texture(path: Path) -> gpu.types.GPUTexture:
-    """The texture, in linear light, of a picture of at most 256 columns and rows."""
+    """Read a picture of at most 256 columns and rows as a texture in linear light."""
     pictures = bpy.utils.previews.new()
     try:
         found = pictures.load(path.name, str(path), "IMAGE")
@@ -91,7 +91,8 @@ def _read_texture(path: Path) -> gpu.types.GPUTexture:
 
 
 def _find_frame(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
-    """Left, bottom, width and height of the camera's frame in a lit 3D View through the camera of the built scene."""
+    """Find the camera's frame in a 3D View, in px: left, bottom, width and height. None unless the view shows rendered
+    light and looks through a camera."""
     space: bpy.types.Space = context.space_data
     view = context.region_data
     camera = space.camera if space.use_local_camera else context.scene.camera

@@ -1,9 +1,9 @@
-"""Undo that reads all data-blocks anew, after a change that no undo step holds.
+"""Make undo read all data-blocks anew after a change that no undo step holds.
 
 Blender's undo keeps the data-blocks that are the same in two neighbouring steps. The fine ground gives objects new data
-without a step of its own, see ``refine_ground``. Undo would keep such an object and free its new data, and Blender
-would crash when it draws the object. With Blender's option *Undo Legacy*, undo keeps no data-blocks. The option takes
-longer, so it is on during such an undo only.
+without an undo step, see ``refine_ground``. Undo would keep such an object and free its new data, and Blender would
+crash when it draws the object. With Blender's option *Undo Legacy*, undo keeps no data-blocks. This takes longer, so
+the option is on during such an undo only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def require_full_undo() -> None:
 
 
 def _begin() -> None:
-    """Switch *Undo Legacy* on, which has an effect only with Blender's options for developers."""
+    """Switch *Undo Legacy* on, and Blender's options for developers, without which it has no effect."""
     if not session.changed_without_step or session.options_before_undo is not None:
         return
     preferences = bpy.context.preferences
@@ -33,7 +33,7 @@ def _begin() -> None:
 
 
 def _end() -> None:
-    """Restore the options. The undo of a mode, such as sculpting, reads no data-blocks, so the next undo must read
+    """Restore the options. Outside Object Mode undo reads no data-blocks, as in sculpting, so the next undo must read
     them."""
     if session.options_before_undo is None:
         return

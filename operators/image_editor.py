@@ -1,4 +1,4 @@
-"""Shows images in an Image Editor, and opens a window with an Image Editor if there is none."""
+"""Show images in an Image Editor; without one, open a window with an Image Editor."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from .window_events import call_later, make_registration
 
 #: A function that shows something in an area and finishes the work that depends on it.
 Show = Callable[[bpy.types.Area], None]
-#: Width and height of the window that is opened, as a share of those of the main window.
+#: Width and height of a new window, as a share of the main window's.
 _SHARE_OF_WINDOW = 0.8
 
 
 def find_editors_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
-    """The Image Editors that show an image."""
+    """Find the Image Editors that show an image."""
     return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image == image]
 
 
 def find_empty_editors() -> list[bpy.types.Area]:
-    """The Image Editors that show no image."""
+    """Find the Image Editors that show no image."""
     return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image is None]
 
 
 def show_in_editor(open_window: bool, show: Show) -> bool:
     """Call ``show`` with an open Image Editor in View mode that is not pinned to its image and is not a UV Editor.
 
-    Without such an editor, ``open_window`` lets the next turn of the event loop open a window with one; with one, its
-    window comes to the front. The other editors of the user stay as they are. Returns False if nothing is or will be
-    shown.
+    With ``open_window``, this editor's window comes to the front; if there is no such editor, the next turn of the
+    event loop opens a window with one. The user's other editors stay unchanged. Returns False if no editor shows or
+    will show it.
 
     A new window becomes the window of the context. If a modal operator has opened the window, Blender (4.3 and 5.2)
     does not end this operator, and crashes later.
@@ -58,8 +58,7 @@ def _find_editor() -> bpy.types.Area | None:
 
 
 def _open_windows() -> None:
-    """Call the waiting functions. The first opens a window if there is no Image Editor, and the others find that
-    window."""
+    """Call the waiting functions. If there is no Image Editor, the first opens a window, and the others find it."""
     waiting = session.to_show[:]
     session.to_show.clear()
     for show in waiting:
@@ -67,7 +66,7 @@ def _open_windows() -> None:
 
 
 def _open_editor() -> bpy.types.Area:
-    """The Image Editor of a new window."""
+    """Open a window, and return its Image Editor."""
     manager = bpy.context.window_manager
     before = list(manager.windows)
     if _is_render_shown():  # then the button of renders would change that editor
@@ -81,13 +80,13 @@ def _open_editor() -> bpy.types.Area:
 
 
 def _is_render_shown() -> bool:
-    """Whether an Image Editor shows the render of the user."""
+    """Return whether an Image Editor shows the user's render."""
     images = (area.spaces.active.image for _, area in list_areas("IMAGE_EDITOR"))
     return any(image is not None and image.type == "RENDER_RESULT" for image in images)
 
 
 def _find_main_window() -> bpy.types.Window:
-    """The first window that Blender does not close at Esc."""
+    """Find the first window that Blender does not close at Esc; else the first window."""
     windows = bpy.context.window_manager.windows
     return next((window for window in windows if not window.screen.is_temporary), windows[0])
 
@@ -95,8 +94,8 @@ def _find_main_window() -> bpy.types.Window:
 def _show_render_window() -> None:
     """Open the window in which Blender shows a render, or bring it to the front. Esc closes it.
 
-    Blender gives it the size of the scene's render, in which a pair side by side would be small. So the size is another
-    one for this moment.
+    Blender gives the window the size of the scene's render, in which a pair side by side would be small. So the render
+    has another size while the window opens.
     """
     window = _find_main_window()
     view, preferences, render = bpy.context.preferences.view, bpy.context.preferences, window.scene.render
@@ -116,21 +115,21 @@ def _show_render_window() -> None:
 
 
 def raise_window(area: bpy.types.Area) -> None:
-    """Bring the window of an Image Editor to the front in the next turn of the event loop. Blender can do this only for
-    a window that Esc closes, as ours are."""
+    """Bring the window of an Image Editor to the front in the next turn of the event loop. Blender can raise only a
+    window that Esc closes, as it closes ours."""
     window = next((window for window, each in list_areas("IMAGE_EDITOR") if each == area), None)
     if window is not None and window.screen.is_temporary and not bpy.app.background:
         call_later(_raise_shown)
 
 
 def _raise_shown() -> None:
-    """Bring the window that Esc closes to the front, if it is still there."""
+    """Bring the window that Esc closes to the front, if it still exists."""
     if any(window.screen.is_temporary for window, _ in list_areas("IMAGE_EDITOR")):
         _show_render_window()
 
 
 def zoom_to_fit(area: bpy.types.Area) -> None:
-    """Zoom an editor so that the whole image is visible."""
+    """Zoom an Image Editor so that the whole image is visible."""
     window = next(window for window, each in list_areas("IMAGE_EDITOR") if each == area)
     with override_area(window, area):
         bpy.ops.image.view_all(fit_view=True)

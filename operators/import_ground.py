@@ -23,22 +23,23 @@ from .sidebar_text import replace_keys_by_labels
 
 
 def list_report_lines(scene: bpy.types.Scene) -> list[str]:
-    """The findings of the import of the built ground, line by line; empty for procedural ground."""
+    """List the findings of the import of the built ground, one a line; empty for procedural ground."""
     built = scenes.find_built(scene)
     found = built.ground.get("report", []) if built is not None else []
     return [replace_keys_by_labels(text) for text in found]
 
 
 class GroundOperator(ChangeAndBuildOperator):
-    """Mix-in: an operator that builds the scene on a ground from a file. In a window it builds in pieces.
+    """Mix-in: an operator that builds the scene on a ground from a file, in a window in pieces.
 
-    Before a mesh that takes long is loaded, the user is asked. If that fails, the settings stay as before.
+    Before it loads a mesh that takes long, it asks the user. If the build fails, the settings stay as before.
     """
 
     _asks_user = False
 
     def make_source(self, context: bpy.types.Context) -> Steps[Mapping[str, Any]]:
-        """The ``source`` settings of the ground, in steps. Raises IcyMoonError if it cannot be one."""
+        """Make the ground's ``source`` settings in steps. Raises IcyMoonError if the file or object cannot be a
+        ground."""
         raise NotImplementedError
 
     def change_and_build(self, context: bpy.types.Context) -> set[str]:
@@ -55,7 +56,7 @@ class GroundOperator(ChangeAndBuildOperator):
         return WatchingOperator.invoke(self, context, None)
 
     def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
-        """The making of the ground and the build, in steps."""
+        """Make the steps that make the ground's source and build the scene."""
         source = yield from self.make_source(context)
         scene = require_scene(self._scene_uid)
         self.change_settings(scene, {"source": source})
@@ -66,7 +67,7 @@ class GroundOperator(ChangeAndBuildOperator):
         return (yield from build_in_pieces(self._scene_uid, settings))
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Report what was built, or ask the user whether to load a large mesh."""
+        """Report the built scene, or ask the user whether to load a large mesh."""
         super().report_success(context)
         if self._asks_user:
             bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")
@@ -92,7 +93,8 @@ class ICYMOON_OT_import_ground(GroundOperator, dialogs.FileDialog, bpy.types.Ope
         return dialogs.FileDialog.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called with the chosen file. *Adjust Last Operation* and scripts call this too, and build at once."""
+        """Build in pieces, once the file is chosen. *Adjust Last Operation* and scripts call this too, and build at
+        once."""
         chosen, self._chooses = self._chooses, False
         return self.begin_to_build(context) if chosen else self.change_and_build(context)
 

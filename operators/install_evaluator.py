@@ -58,7 +58,7 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start the job. Ask before it where the user has pressed Evaluate, or has not allowed online access yet."""
+        """Start the job. Ask first if the user has pressed Evaluate, or has not allowed online access yet."""
         if bpy.app.background or (self.then_evaluate == "NOTHING" and bpy.app.online_access):
             return JobOperator.invoke(self, context, event)
         return set(
@@ -71,7 +71,7 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
         )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the question, with Blender's own button for online access where it is off."""
+        """Draw the question, and Blender's button for online access if access is off."""
         layout = self.layout
         layout.label(text=f"Evaluating needs packages from the Internet: {DISK_MB} MB on disk, once")
         if not bpy.app.online_access:

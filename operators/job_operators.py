@@ -21,7 +21,7 @@ from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 def _notice_button(event: bpy.types.Event) -> None:
     """Remember whether the left mouse button is down. While a field is dragged or typed in, Blender sends operators
-    nothing but timers, so the press is the last event until the field is left."""
+    only timer events, so the press is the last event until the field is left."""
     if event.type == "LEFTMOUSE":
         session.pressed_s = time.monotonic() if event.value == "PRESS" else None
     elif event.type == "MOUSEMOVE":
@@ -31,12 +31,12 @@ def _notice_button(event: bpy.types.Event) -> None:
 class WatchingOperator(ExplainedOperator):
     """Mix-in: an operator whose work is a job.
 
-    ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
+    ``start`` returns the job, and ``report_success`` is called after the job has succeeded. From a script
     (``EXEC_DEFAULT``) the operator returns when the job has ended. If Blender sends no more events, ``unseen_jobs``
-    looks at the job instead.
+    checks the job instead.
     """
 
-    #: Seconds between two looks at the job.
+    #: Seconds between two checks of the job.
     interval_s = jobs.INTERVAL_S
     bl_label: str
     _timer: bpy.types.Timer | None = None
@@ -48,11 +48,11 @@ class WatchingOperator(ExplainedOperator):
         raise NotImplementedError
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Use the results of the job. Raises IcyMoonError if that fails."""
+        """Use the results of the job. Raises IcyMoonError if they cannot be used."""
         raise NotImplementedError
 
     def begin(self, context: bpy.types.Context) -> jobs.Job:
-        """Start the job from the window; by default as ``start`` does."""
+        """Start the job from the window; by default by ``start``."""
         return self.start(context)
 
     def run_blocking(self, context: bpy.types.Context) -> None:
@@ -69,7 +69,7 @@ class WatchingOperator(ExplainedOperator):
         return {"FINISHED"}
 
     def fail(self, error: Exception) -> set[str]:
-        """Report an error to the user and cancel. The sidebar names what failed."""
+        """Report an error to the user, name the failed work in the sidebar, and cancel."""
         if self._job is not None:
             session.note_end(self._job, "failed")
         else:
@@ -102,10 +102,11 @@ class WatchingOperator(ExplainedOperator):
         return self.look_or_end(context) or {"PASS_THROUGH"}
 
     def look_or_end(self, context: bpy.types.Context) -> set[str]:
-        """Look at the job, and end the operator if the job has ended. Returns the operator's result, empty while the
-        job runs.
+        """Check the job, and end the operator if the job has ended. Returns the operator's result; empty while the job
+        runs.
 
-        A defect of ours ends the job too. Otherwise each look would meet it again, and no other job could start.
+        A defect of Icy Moon ends the job too. Otherwise each check would meet the defect again, and no other job could
+        start.
         """
         try:
             return set() if self.look(context) else self.end(context)
@@ -116,25 +117,25 @@ class WatchingOperator(ExplainedOperator):
             return self.give_up(context, error)
 
     def give_up(self, context: bpy.types.Context, error: Exception) -> set[str]:
-        """End the job because of a defect, with a sentence."""
+        """End the job because of a defect, and report the defect."""
         assert self._job is not None
         self._leave_events(context)
         unseen_jobs.close_job(self._job)
         return self.fail(
             IcyMoonError(
                 f"{self._job.title} was ended by an error ({type(error).__name__}: {error}); start it again, and "
-                "please "
-                "report this."
+                "please report this."
             )
         )
 
     def look(self, context: bpy.types.Context) -> bool:
-        """Check the job; this is called repeatedly. False when the job has ended."""
+        """Check the job; a timer calls this repeatedly. Return False when the job has ended."""
         assert self._job is not None
         return self._job.poll()
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when the window closes, another file is opened, or the user cancels the dialog."""
+        """End the job. Blender calls this when the window closes, another file is opened, or the user cancels the
+        dialog."""
         if self._timer is not None:
             try:
                 self.end(context)
@@ -143,7 +144,8 @@ class WatchingOperator(ExplainedOperator):
                 self.give_up(context, error)
 
     def _leave_events(self, context: bpy.types.Context) -> None:
-        """Stop receiving events. A timer whose events have stopped may be freed already, so it is not removed."""
+        """Stop receiving events. The timer is not removed if its events have stopped, because it may be freed
+        already."""
         if self._watch is not None:
             if self._watch.is_seen and self._timer is not None:
                 context.window_manager.event_timer_remove(self._timer)
@@ -169,7 +171,7 @@ class WatchingOperator(ExplainedOperator):
         return {"FINISHED"}
 
     def report_end(self, context: bpy.types.Context) -> None:
-        """Called when the job has ended, with or without success."""
+        """Handle the end of the job, with or without success."""
 
 
 class PiecewiseOperator(WatchingOperator):
@@ -179,7 +181,7 @@ class PiecewiseOperator(WatchingOperator):
     bl_label: str
 
     def make_steps(self, context: bpy.types.Context, report: Callable[[float, str], object]) -> Steps[None]:
-        """The work, in steps, of which the last alone changes the scene. Raises IcyMoonError if it fails.
+        """Make the steps of the work; only the last one changes the scene. Raises IcyMoonError if the work fails.
 
         Any thread may ``report`` the finished share, 0 to 1, and the present work.
         """
@@ -196,11 +198,11 @@ class PiecewiseOperator(WatchingOperator):
         return jobs.Job(self.bl_label, work, if_stopped="the scene is as before")
 
     def run_blocking(self, context: bpy.types.Context) -> None:
-        """Work to the end. Raises IcyMoonError if that fails."""
+        """Do all the work at once. Raises IcyMoonError if the work fails."""
         finish(self.make_steps(context, lambda *_: None))
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """The steps have reported it."""
+        """Report nothing, because the steps have reported their success."""
 
 
 class KeyStoppedOperator(WatchingOperator):
@@ -213,27 +215,27 @@ class KeyStoppedOperator(WatchingOperator):
             return super().modal(context, event)
         self._job.cancel()
         self.clean_up_after_stop()
-        return {"RUNNING_MODAL"}  # the next look ends the operator
+        return {"RUNNING_MODAL"}  # the next check ends the operator
 
     def clean_up_after_stop(self) -> None:
-        """Take back what the operator has changed before its job."""
+        """Take back the changes that the operator made before its job."""
 
 
 def find_running_job() -> str:
-    """A text that the job of the sidebar is running; empty without a job."""
+    """Return a text that names the running job of the sidebar; empty without a job."""
     return f"{session.job.title} is running" if session.job is not None else ""
 
 
 class JobOperator(WatchingOperator):
-    """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
+    """Mix-in: an operator whose job the sidebar shows. Only one such job can run at a time."""
 
-    #: Whether Esc, pressed twice, stops the job. Esc never stops jobs of hours.
+    #: Whether Esc, pressed twice, stops the job. It is False for jobs that take hours.
     stops_on_escape = True
     _job: jobs.Job
     _shown: tuple[str, ...] = ()
 
     def watch(self, context: bpy.types.Context) -> None:
-        """Called repeatedly while the job runs."""
+        """Follow the running job; each check of the job calls this first."""
 
     @classmethod
     def find_obstacle(cls, context: bpy.types.Context) -> str:
@@ -267,7 +269,7 @@ class JobOperator(WatchingOperator):
         return running
 
     def report_end(self, context: bpy.types.Context) -> None:
-        """Take the job from the sidebar, and report its warnings."""
+        """Remove the job from the sidebar, and report its warnings."""
         context.window_manager.progress_end()
         if session.job is self._job:
             session.job = None
@@ -287,7 +289,7 @@ class PreparingOperator(JobOperator):
     _prepares = False
 
     def prepare(self, context: bpy.types.Context) -> Steps[jobs.Job]:
-        """Start the job, in steps. Raises IcyMoonError if it cannot start."""
+        """Prepare and start the job in steps. Raises IcyMoonError if it cannot start."""
         raise NotImplementedError
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
@@ -300,7 +302,7 @@ class PreparingOperator(JobOperator):
         return jobs.Job(self.bl_label, work, if_stopped="nothing was begun")
 
     def look(self, context: bpy.types.Context) -> bool:
-        """Check the job, and go on with the prepared one."""
+        """Check the job. When the preparation has ended, go on with the prepared job."""
         running = super().look(context)
         if running or not self._prepares or self._job.failure:
             return running
@@ -314,20 +316,21 @@ class PreparingOperator(JobOperator):
         return True
 
     def give_up(self, context: bpy.types.Context, error: Exception) -> set[str]:
-        """End the job because of a defect, also the prepared job of which this operator has not heard yet."""
+        """End the job because of a defect, and also a prepared job that this operator has not taken over yet."""
         if self._prepares and self._job.result:
             self._job.result["value"].close()
         return super().give_up(context, error)
 
     def _change_interval(self, context: bpy.types.Context, seconds: float) -> None:
-        """Look at the job after other times from now on. A timer whose events have stopped may be freed already."""
+        """Change the seconds between two checks of the job. A timer whose events have stopped is left, because it may
+        be freed already."""
         if self._timer is not None and self._watch is not None and self._watch.is_seen:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = context.window_manager.event_timer_add(seconds, window=context.window)
 
 
 class DialogJobOperator(JobOperator):
-    """Mix-in: an operator that asks in a dialog of its properties before it starts its job."""
+    """Mix-in: an operator that shows a dialog of its properties before it starts its job."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
         if bpy.app.background:
@@ -335,7 +338,7 @@ class DialogJobOperator(JobOperator):
         return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called after the dialog: starts the job."""
+        """Start the job, once the dialog is confirmed."""
         if bpy.app.background:
             return super().execute(context)
         return super().invoke(context, None)

@@ -20,37 +20,41 @@ from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 from .work_in_pieces import WorkInPieces
 
-#: Seconds between two looks at a job.
+#: Seconds between two checks of a job.
 INTERVAL_S = 0.1
-#: Minimum finished share of a job, or minimum seconds, from which on the remaining time is shown.
+#: The remaining time is shown from this finished share on, or after this number of seconds.
 _MIN_SHARE, _MIN_SECONDS = 0.1, 600.0
-#: Seconds in which the second Esc must follow the first to stop a job.
+#: Seconds within which a second Esc stops a job.
 ESCAPE_S = 2.0
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
-    """The environment of a process that renders on ``device`` (None for the environment of this process). It names the
-    graphics cards that are ticked in Blender's preferences, unless it names others already."""
+    """Return the environment of a process that renders on ``device`` (None for the environment of this process).
+
+    For a GPU, it names the graphics cards that are ticked in Blender's preferences, unless this process's environment
+    already names cards.
+    """
     if device != "GPU" or ENVIRONMENT in os.environ:
         return environment
     return add_cards(environment, find_selected_cards())
 
 
 def find_this_blender() -> str:
-    """The program that starts another Blender of this kind: Blender, or Python if Blender is a module of it."""
+    """Find the program that starts another Blender like this one: Blender, or Python if Blender is its module."""
     return str(bpy.app.binary_path or sys.executable)
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """An estimate from before a job: its ``seconds`` by the clock. In 19 of 20 cases it takes at most ``factor`` times
-    as long."""
+    """An estimate of a job's duration, made before the job: ``seconds`` by the clock. In 19 of 20 cases the job takes
+    at most ``factor`` times as long."""
 
     seconds: float
     factor: float
 
     def describe(self, past_s: float) -> str:
-        """The remaining time by the estimate, ``past_s`` seconds after the start; or how the estimate failed."""
+        """Describe the remaining time by the estimate, ``past_s`` seconds after the start, or how the estimate
+        failed."""
         if past_s < self.seconds:
             return f"About {format_duration(self.seconds - past_s)} left, by estimate"
         if past_s < self.seconds * self.factor:
@@ -60,14 +64,14 @@ class Expectation:
 
 
 def _find_scene_uid() -> int:
-    """The ``session_uid`` of the window's scene; 0 without one."""
+    """Return the ``session_uid`` of the window's scene; 0 without a scene."""
     scene = bpy.context.scene
     return scene.session_uid if scene is not None else 0
 
 
 @dataclass
 class Job:
-    """One running process or thread and its reports so far, which the panel shows."""
+    """A running process or thread and its reports so far, which the panel shows."""
 
     title: str
     process: Process | DetachedProcess | Calculation | WorkInPieces
@@ -78,11 +82,11 @@ class Job:
     text: str = ""
     error: str = ""
     warnings: list[str] = field(default_factory=list)
-    result: Message = field(default_factory=dict)  # the message that the work is done; empty until then
+    result: Message = field(default_factory=dict)  # the message of type done or result; empty until then
     if_stopped: str = "what was finished is kept"
-    scene_uid: int = field(default_factory=_find_scene_uid)  # of the scene in which the job was started
+    scene_uid: int = field(default_factory=_find_scene_uid)  # the scene in which the job was started
     escaped: float | None = None  # when Esc was pressed last
-    expected: Expectation | None = None  # counts until the progress shows the remaining time
+    expected: Expectation | None = None  # shown until the progress gives the remaining time
 
     @classmethod
     def start(
@@ -109,7 +113,7 @@ class Job:
 
     @property
     def shown(self) -> tuple[str, str]:
-        """The text on the bar, and the line below it: the remaining time, or that another Esc stops the job."""
+        """The text on the bar and the line below it: the remaining time, or a hint that another Esc stops the job."""
         text = "Stopping" if self.process.cancelled else self.text or self.title
         return f"{text}{self.percent}", self._hint or self._left or ("Under way" if self.fraction > 0 else "Starting")
 
@@ -125,7 +129,7 @@ class Job:
 
     @property
     def _left(self) -> str:
-        """The remaining time by the progress, or by the estimate until then; empty without both."""
+        """The remaining time, by the progress or until then by the estimate; empty if neither is known."""
         if self.expected is None or self.process.cancelled or self.remaining_s is not None:
             return format_remaining(self.remaining_s)
         return self.expected.describe(time.monotonic() - self.started)
@@ -137,16 +141,15 @@ class Job:
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimate of the remaining seconds; None at first, because the start of the process would distort the
-        estimate.
-        """
+        """Estimate of the remaining seconds. None at first, because the process's start-up would distort the
+        estimate."""
         past_s = time.monotonic() - self.started
         if self.fraction <= 0.02 or (self.fraction < _MIN_SHARE and past_s < _MIN_SECONDS):
             return None
         return past_s * (1.0 - self.fraction) / self.fraction
 
     def poll(self) -> bool:
-        """Handle the new messages; False when the job has ended."""
+        """Handle the new messages. Return False when the job has ended."""
         running = self.process.running
         for message in self.process.poll():
             self.hear(message)
@@ -168,7 +171,7 @@ class Job:
 
     @property
     def failure(self) -> str:
-        """Why the job failed, or an empty text if it succeeded."""
+        """The reason why the job failed; empty if it succeeded."""
         if self.process.cancelled:
             return f"{self.title} was stopped; {self.if_stopped}."
         if self.error or self.result:
@@ -182,7 +185,7 @@ class Job:
     def escape(self) -> bool:
         """Handle a press of Esc. A second press within ``ESCAPE_S`` stops the job. Returns whether the job stops.
 
-        A single press does not stop it, because Esc also leaves a text field, a menu or a tool.
+        One press is not enough, because Esc also leaves a text field, a menu or a tool.
         """
         now = time.monotonic()
         again = self.escaped is not None and now < self.escaped + ESCAPE_S
@@ -193,7 +196,7 @@ class Job:
 
     @property
     def outcome(self) -> str:
-        """How the job ended, in a word or two."""
+        """The way in which the job ended, in a word or two."""
         if self.process.left:
             return "goes on in the background"
         if self.process.cancelled:
@@ -202,7 +205,7 @@ class Job:
 
     @property
     def remains(self) -> str:
-        """What a stopped job left, as a sentence; empty if it was not stopped."""
+        """The things that a stopped job left, as a sentence; empty if the job was not stopped."""
         was_stopped = self.process.cancelled and not self.process.left
         return f"{self.if_stopped[:1].upper()}{self.if_stopped[1:]}" if was_stopped else ""
 
@@ -224,7 +227,7 @@ class Job:
 
 
 def format_remaining(seconds: float | None) -> str:
-    """'1:05 left', '2:03:20 left', 'Almost done' below a second, or '' for None."""
+    """Format remaining seconds as '1:05 left', '2:03:20 left', 'Almost done' below a second, or '' for None."""
     if seconds is None:
         return ""
     if seconds < 1:

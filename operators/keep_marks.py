@@ -1,4 +1,4 @@
-"""Reads the marks of the meshes of a built scene in pieces while the window rests, for the first step of a slider."""
+"""Read the marks of a built scene's meshes in pieces while the window rests, so that a slider's first step is fast."""
 
 from __future__ import annotations
 
@@ -20,27 +20,29 @@ from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 #: Marks of meshes by the ``session_uid`` of the mesh.
 Marks: TypeAlias = dict[int, list[object]]
-#: Seconds after which the marks are read: the scene is drawn first.
+#: Seconds before the marks are read, so that the scene is drawn first.
 _BEGIN_S = 0.2
 
 
 def schedule_reading(scene: bpy.types.Scene) -> None:
-    """Read the marks of a scene's meshes soon."""
+    """Schedule the reading of the marks of a scene's meshes."""
     stop_reading()
     session.marking = WorkInPieces(_keep_marks(scene.session_uid), "the marks")
     call_later(_read_next, _BEGIN_S)
 
 
 def keep_marks(marks: Marks) -> None:
-    """Keep marks that were read before, of meshes that a scene has taken in since. Blender must have announced these
-    meshes by then, since each announcement lets their marks be forgotten."""
+    """Keep marks that were read before a scene took in their meshes.
+
+    Blender must have announced these meshes as changed by then, since each announcement lets their marks be forgotten.
+    """
     stop_reading()
     for uid, found in marks.items():
         known_marks.keep_marks(uid, found)
 
 
 def stop_reading() -> None:
-    """Stop to read marks, and forget those that were read."""
+    """Stop reading marks, and forget the marks that were read."""
     known_marks.forget_marks()
     if session.marking is not None:
         session.marking.stop()
@@ -48,14 +50,14 @@ def stop_reading() -> None:
 
 
 def _read_anew() -> None:
-    """Read the marks of the scene in the window after undo, redo or the opening of a file."""
+    """Schedule the reading of the marks of the window's scene after undo, redo or the opening of a file."""
     stop_reading()
     if not bpy.app.background:
         schedule_reading(bpy.context.scene)
 
 
 def _read_next() -> float | None:
-    """Read the next marks. The timer stops when all were read."""
+    """Read the next marks. The timer stops after the last."""
     if session.marking is None:
         return None
     session.marking.poll()
@@ -72,14 +74,14 @@ def _keep_marks(scene_uid: int) -> Steps[None]:
 
 
 def _read_marks(scene_uid: int) -> Steps[Marks]:
-    """The marks of the meshes of a built scene in steps."""
+    """Read the marks of a built scene's meshes in steps; empty without a built scene."""
     scene = find_scene(scene_uid)
     built = scenes.find_built(scene) if scene is not None else None
     return (yield from read_marks_in_steps(list_meshes(built.collection) if built is not None else ()))
 
 
 def read_marks_in_steps(meshes: Iterable[bpy.types.Mesh]) -> Steps[Marks]:
-    """The marks of meshes in steps; a mesh in Edit Mode has none."""
+    """Read the marks of meshes in steps; meshes in Edit Mode are left out."""
     found: Marks = {}
     for mesh in meshes:
         if not mesh.is_editmode:
@@ -119,6 +121,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Follow them no longer."""
+    """Stop following Blender's announcements."""
     bpy.app.handlers.depsgraph_update_post.remove(_forget_changed)
     _unregister()

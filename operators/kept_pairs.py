@@ -19,8 +19,8 @@ from .render import find_dataset_folder
 
 
 def find_existing_pairs(dataset_folder: str, ids: str) -> list[Path]:
-    """Existing folders of the pairs with these ids, which a scene keeps, in a data set folder as its settings state it;
-    none if the folder or an id is invalid."""
+    """Find the existing folders of the pairs with these ids, which a scene keeps. ``dataset_folder`` is the data set
+    folder as the settings state it. Empty if the folder or an id is invalid."""
     try:
         folder = find_dataset_folder(typed({"dataset": {"folder": dataset_folder}}))
         found = [folder_of_pair(folder, check_id(name, "The scene")) for name in ids.split()]
@@ -30,12 +30,13 @@ def find_existing_pairs(dataset_folder: str, ids: str) -> list[Path]:
 
 
 def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
-    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
+    """Find the existing folders of the pairs that were rendered last from a scene; empty if the scene's ids are
+    invalid."""
     return find_existing_pairs(scene.icymoon.dataset.folder, scene.icymoon.pairs)
 
 
 def list_changes_since_render(scene: bpy.types.Scene, folder: Path) -> list[tuple[str, Setting]]:
-    """(topic, setting) of each setting on which the images depend and that has changed since a pair was rendered; none
+    """List (topic, setting) of each setting that changes the images and has changed since a pair was rendered; empty
     for a pair that cannot be read."""
     rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
     if rendered is None:
@@ -52,7 +53,8 @@ def list_changes_since_render(scene: bpy.types.Scene, folder: Path) -> list[tupl
 
 @lru_cache(maxsize=4)
 def _read_settings(folder: Path, written_ns: int) -> Settings | None:
-    """The settings of a pair whose record was written at that time; None if it cannot be read."""
+    """Read the settings of a pair; None if it cannot be read. ``written_ns``, when the pair's record was written, only
+    tells the cache to read a newer record."""
     try:
         return read_pair(folder).settings
     except IcyMoonError:

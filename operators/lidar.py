@@ -1,4 +1,4 @@
-"""Scan with LiDAR: a scan in a separate process, its points and beams in the 3D View."""
+"""Scan with LiDAR: scan in a separate process, and show the points and beams in the 3D View."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ _NO_SCAN_MESSAGE = "There is no scan of the present settings yet; press Scan wit
 
 
 def find_scanner_file(scene: bpy.types.Scene) -> Path:
-    """The file of the chosen scanner. Raises IcyMoonError if a file of the user's own is not named."""
+    """Return the file of the chosen scanner. Raises IcyMoonError if the user's own scanner is chosen but has no
+    file."""
     group = scene.icymoon.lidar
     if group.scanner != scene_properties.OWN_SCANNER:
         return LIDARS / f"{group.scanner}.toml"
@@ -56,7 +57,7 @@ def find_scanner_file(scene: bpy.types.Scene) -> Path:
 
 
 def make_request(scene: bpy.types.Scene) -> ScanRequest:
-    """The panel's choices for a scan."""
+    """Make the request for a scan from the panel's choices."""
     group = scene.icymoon.lidar
     without = [name for name in ("ice", "detector") if not getattr(group, name)]
     samples = None if group.waveforms == "NONE" else int(group.waveforms)
@@ -66,13 +67,13 @@ def make_request(scene: bpy.types.Scene) -> ScanRequest:
 
 
 def read_scanner(scene: bpy.types.Scene) -> LidarFile:
-    """The chosen scanner, with the choices of the panel. Raises IcyMoonError for an impossible scanner."""
+    """Read the chosen scanner, with the panel's choices applied. Raises IcyMoonError for an impossible scanner."""
     return make_request(scene).change(read_lidar(find_scanner_file(scene)))
 
 
 def find_scan_folders(planned: Sequence[PlannedPair]) -> list[Path]:
-    """The folder for the returns of each pair: the pairs' own folders if all are rendered, else folders beside the data
-    set."""
+    """Return the folder for the returns of each pair. These are the pairs' own folders if all pairs are rendered, else
+    folders beside the data set."""
     dataset = find_dataset_folder(planned[0].settings)
     pairs = [folder_of_pair(dataset, each.id) for each in planned]
     beside = dataset.parent / f"{dataset.name}_lidar"
@@ -80,8 +81,10 @@ def find_scan_folders(planned: Sequence[PlannedPair]) -> list[Path]:
 
 
 def plan_scans(scene: bpy.types.Scene) -> list[PlannedPair]:
-    """The pairs at whose left eyes the ground is scanned, one for each heading of the present settings. Raises
-    IcyMoonError for a scene with edits by hand, which the settings do not describe."""
+    """Plan the pairs at whose left eyes the ground is scanned, one for each heading of the present settings.
+
+    Raises IcyMoonError for a scene that was edited by hand, because the settings do not describe it.
+    """
     built = scenes.find_built(scene)
     if built is not None and built.edited:
         raise IcyMoonError(
@@ -138,7 +141,7 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        """Let a thread read the points, since a scan may have millions."""
+        """Start to read the points in a thread, since a scan may have millions."""
         scene = context.scene
         folders = [each for each in find_scan_folders(plan_scans(scene)) if (each / "lidar.npz").is_file()]
         if not folders:
@@ -210,7 +213,7 @@ class ICYMOON_OT_hide_scan(ExplainedOperator, bpy.types.Operator):
 
 
 def _follow_choices(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Show the points again, in the number and colours that the panel states."""
+    """Update the shown points to the number and colours that the panel states."""
     if scene is not None and LIDAR_POINTS in effects:
         lidar_in_view.limit_points(scene, scene.icymoon.lidar.points)
         lidar_in_view.recolour(scene, scene.icymoon.lidar.colour)

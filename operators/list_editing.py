@@ -11,7 +11,8 @@ from .operator_type import ExplainedOperator
 
 
 class EditedList(NamedTuple):
-    """A list of a property group: its name, the name of the selected index, and the effect of a change."""
+    """A list of a property group. It has the list's name, the name of the selected index, and the effect of a
+    change."""
 
     group: bpy.types.PropertyGroup
     name: str
@@ -20,12 +21,12 @@ class EditedList(NamedTuple):
 
     @property
     def entries(self) -> bpy.types.bpy_prop_collection:
-        """The entries, a collection of Blender's."""
+        """The entries, a Blender collection."""
         return getattr(self.group, self.name)
 
     @property
     def selected(self) -> int:
-        """The index of the selected entry, or of the last entry if the selected one was removed."""
+        """The index of the selected entry; of the last entry if the selected one was removed."""
         return min(getattr(self.group, self.active), len(self.entries) - 1)
 
     def select(self, index: int, scene: bpy.types.Scene) -> None:
@@ -39,12 +40,12 @@ class _ListOperator(ExplainedOperator):
 
     @staticmethod
     def find(scene: bpy.types.Scene) -> EditedList:
-        """The list that this operator edits."""
+        """Return the list that this operator edits."""
         raise NotImplementedError
 
 
 class AddEntry(_ListOperator):
-    """Mix-in: adds an entry at the end and selects it."""
+    """Mix-in: an operator that adds an entry at the end and selects it."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         edited = self.find(context.scene)
@@ -54,7 +55,7 @@ class AddEntry(_ListOperator):
 
 
 class _EntryOperator(_ListOperator):
-    #: Why there is nothing to edit.
+    #: The reason, without a full stop, why no entry can be edited.
     empty: ClassVar[str]
 
     @classmethod
@@ -63,7 +64,7 @@ class _EntryOperator(_ListOperator):
 
 
 class RemoveEntry(_EntryOperator):
-    """Mix-in: removes the selected entry."""
+    """Mix-in: an operator that removes the selected entry."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         edited = self.find(context.scene)
@@ -74,8 +75,8 @@ class RemoveEntry(_EntryOperator):
 
 
 class MoveEntry(_EntryOperator):
-    """Mix-in: moves the selected entry by one place. A subclass declares ``direction``: Blender finds no property of a
-    mix-in."""
+    """Mix-in: an operator that moves the selected entry by one place. A subclass declares ``direction``, because
+    Blender finds no property of a mix-in."""
 
     direction: str  # UP or DOWN
 

@@ -1,7 +1,7 @@
-"""Develops the shown camera image again when a setting of the camera response changes.
+"""Develop the shown camera image again when a setting of the camera response changes.
 
-The evaluator develops it in its own process, after the settings have not changed for a moment. A timer handles its
-messages, so the window never waits. Changes during the development are developed afterwards.
+The evaluator develops the image in a separate process, after the settings have not changed for a moment. A timer
+handles its messages, so the window never waits. Settings that change meanwhile start another development afterwards.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ REST_S = 0.3
 
 
 def find_exposed_folder(scene: bpy.types.Scene) -> Path:
-    """The folder of a scene's camera images. Raises IcyMoonError if the data set has no valid folder."""
+    """Return the folder of a scene's camera images. Raises IcyMoonError if the data set has no valid folder."""
     return find_dataset_folder(scene_properties.read_settings(scene.icymoon)) / "exposed"
 
 
 def list_shown_paths() -> list[Path]:
-    """The image files that Image Editors show."""
+    """List the image files that Image Editors show."""
     spaces = [area.spaces.active for _, area in list_areas("IMAGE_EDITOR")]
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
@@ -49,11 +49,11 @@ def schedule_development(scene: bpy.types.Scene, effects: frozenset[str]) -> Non
 
 
 def develop_waiting() -> float | None:
-    """Start a waiting development, or handle the messages of a running development. The timer calls this until there is
-    neither."""
+    """Start to develop a waiting scene's images, or handle the messages of a running development. Returns the seconds
+    to the timer's next call, or None if no development runs or waits."""
     try:
         if session.developing is None:
-            session.developing = _start_development()
+            session.developing = _start_developing_images()
         elif not session.developing.poll():
             _finish_development(session.developing)
     except IcyMoonError as error:
@@ -62,8 +62,9 @@ def develop_waiting() -> float | None:
     return jobs.INTERVAL_S if session.developing is not None or session.to_develop else None
 
 
-def _start_development() -> jobs.Job | None:
-    """Start to develop the shown images of a waiting scene. None without such images, or while another job runs."""
+def _start_developing_images() -> jobs.Job | None:
+    """Start to develop the shown images of a waiting scene. Returns None without such images, or while another job
+    runs."""
     if session.job is not None:
         return None  # the other job may write the same images
     scene = bpy.data.scenes.get(session.to_develop.pop()) if session.to_develop else None
@@ -93,7 +94,7 @@ def _show_notes(sentences: list[str]) -> None:
 
 
 def list_lines() -> list[str]:
-    """Warnings of the last development, or why it failed."""
+    """List the warnings of the last development, or why it failed."""
     return [replace_keys_by_labels(sentence) for sentence in session.development_notes]
 
 

@@ -1,8 +1,8 @@
-"""Live preview: the built scene follows the settings while they change.
+"""Live preview: make the built scene follow the settings while they change.
 
 The first change in a turn of Blender's event loop is shown before the callback of the property returns. The undo step
-that the window then takes contains both. More changes in the same turn come from a script, and a timer shows them
-together. Without a window there is no preview.
+that the window then takes contains both the change and its preview. Further changes in the same turn come from a
+script, and a timer shows them together. Without a window there is no preview.
 """
 
 from __future__ import annotations
@@ -28,26 +28,27 @@ from .sidebar_text import describe_ground_file, find_light, find_sky_fault, repl
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
 
-#: Seconds that an update of the ground may take: an update may take some more than the one before, and below 0.1 s the
-#: window seems to follow at once.
+#: Seconds that an update of the ground may take. Below 0.1 s the window seems to follow at once; the rest is a reserve,
+#: since an update may take longer than the one before.
 BUDGET_S = 0.06
 _SHOWN_EFFECTS = {"geometry", "material", "light", "lander", "camera"}
 _NO_SKY = "The light is as before: see Light"  # the panel that shows the reason
 
 
 def has_window() -> bool:
-    """Whether there is a window for the preview."""
+    """Return whether there is a window for the preview."""
     return not bpy.app.background
 
 
 def update_scene(scene: bpy.types.Scene) -> bool:
-    """Show the settings of a scene in its built objects, or note why not. Returns whether anything has changed."""
+    """Show the settings of a scene in its built objects, or note why they cannot be shown. Returns whether the shown
+    settings have changed."""
     built = scenes.find_built(scene)
     if built is None:
         return False
     if known_marks.has_known_marks():
         bpy.context.view_layer.update()  # Blender announces what a script has changed in this turn
-        if scene != bpy.context.scene:  # nor does it announce changes of other scenes
+        if scene != bpy.context.scene:  # Blender does not announce changes of other scenes
             known_marks.forget_marks()
     settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
     scenes.separate_from_copies(built)
@@ -71,8 +72,8 @@ def update_scene(scene: bpy.types.Scene) -> bool:
 
 
 def choose_next_side(side: int, seconds: float) -> int:
-    """Vertices per side of the ground for the next update, if an update with ``side`` vertices per side took
-    ``seconds``."""
+    """Choose the vertices per side of the ground for the next update, from the ``seconds`` of an update with ``side``
+    vertices per side."""
     if seconds > BUDGET_S:
         return max((n for n in SIDES if n < side), default=side)
     finer = min((n for n in SIDES if n > side), default=side)
@@ -88,7 +89,7 @@ def _has_changed(built: scenes.Built, settings: Settings) -> bool:
 
 @contextmanager
 def leave_to_build() -> Iterator[None]:
-    """Within this context, changed settings are not shown, because a build that follows shows them."""
+    """Leave changed settings, within this context, to the build that comes next; they are not previewed."""
     session.left_to_build = True
     try:
         yield
@@ -118,7 +119,7 @@ def show_waiting() -> None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on how well the built scene shows the settings; empty without a built scene.
+    """List sentences on how well the built scene shows the settings; empty without a built scene.
 
     There is always a line. Otherwise the fields below would move while the user drags one of them.
     """

@@ -24,7 +24,8 @@ from .window_areas import list_areas, override_area
 
 
 def _show_in_browsers(library: str = "") -> None:
-    """Make open Asset Browsers read their libraries again and, unless they show all libraries, show this library."""
+    """Make open Asset Browsers read their libraries again. Browsers that do not show all libraries then show
+    ``library``."""
     for window, area in list_areas("FILE_BROWSER"):
         if area.ui_type == "ASSETS":
             shown = area.spaces.active.params

@@ -1,4 +1,4 @@
-"""Open Manual: the pages of the manual in the web browser, from files of the extension, without a network.
+"""Open Manual: show the manual's pages in the web browser, from files of the extension, without a network.
 
 The window makes the pages from Markdown, once in a session. So a checkout and an installed package have them too,
 although neither has a step that builds pages.
@@ -52,7 +52,7 @@ _PAGE_BY_TOPIC = {
     "quality": "howto/speed",
     "dataset": "datasets",
 }
-#: The folders of the pages, as a page lists them at its top.
+#: Titles of the pages' folders, in the order in which each page lists them at its top.
 _GROUP_TITLES = {
     "": "Start",
     "tutorial": "Tutorials",
@@ -72,22 +72,22 @@ table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;tex
 
 @lru_cache(maxsize=1)
 def list_page_names() -> tuple[str, ...]:
-    """The names of the manual's pages in this copy of Icy Moon, such as ``tutorial/window``, in reading order."""
+    """List the names of the manual's pages in this copy of Icy Moon, such as ``tutorial/window``, in reading order."""
     found = sorted(path.relative_to(_DOCS_FOLDER).with_suffix("").as_posix() for path in _DOCS_FOLDER.rglob("*.md"))
     return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
 
 
 @lru_cache(maxsize=1)
 def _read_formulas() -> dict[str, str]:
-    """MathML by TeX, which ``docs/make/formulas.py`` has made."""
+    """Read the MathML of each TeX formula, which ``docs/make/formulas.py`` has made."""
     found: dict[str, str] = json.loads((_DOCS_FOLDER / "formulas.json").read_text(encoding="utf-8"))
     return found
 
 
 @lru_cache(maxsize=1)
 def write_pages() -> Path:
-    """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be
-    written."""
+    """Write all pages as HTML into a temporary folder, once in a session, and return the folder. Raises IcyMoonError if
+    the pages are missing or cannot be written."""
     if not list_page_names():
         raise IcyMoonError(f"The manual is missing in {_DOCS_FOLDER}; install Icy Moon again.")
     folder = make_scratch_folder()
@@ -107,7 +107,7 @@ def _find_title(name: str, text: str) -> str:
 
 
 def _make_relative_address(name: str, page: str) -> str:
-    """The address of the page ``name`` relative to the page ``page``."""
+    """Return the address of the page ``name`` relative to the page ``page``."""
     return posixpath.relpath(f"{name}.html", posixpath.dirname(page) or ".")
 
 
@@ -137,7 +137,8 @@ def _make_html_page(page: str, text: str, titles: dict[str, str]) -> str:
 
 
 def find_address(page: str) -> str:
-    """The address of a page, such as ``tutorial/window``, or of one of its headings: ``howto/lidar#in-the-window``.
+    """Return the address of a page, such as ``tutorial/window``, or of a heading, such as
+    ``howto/lidar#in-the-window``.
 
     Raises IcyMoonError if there is no such page or heading.
     """
@@ -150,20 +151,19 @@ def find_address(page: str) -> str:
 
 
 def _make_file_name(page: str) -> str:
-    """The file of a page, with the place of a heading."""
+    """Return the file name of a page, with the anchor of a heading if ``page`` names one."""
     name, mark, anchor = page.partition("#")
     return f"{name}.html{mark}{anchor}"
 
 
 def find_page_of_topic(topic: str) -> str:
-    """The page on a topic of the settings."""
+    """Return the page on a topic of the settings."""
     return _PAGE_BY_TOPIC["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
 
 
 def _make_manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """The targets of Online Manual in the context menu of our fields and buttons: (beginning, (pattern, end) of
-    each).
-    """
+    """Return the targets of Online Manual in the context menu of our fields and buttons: the beginning of the
+    addresses, and (pattern, end) of each target."""
     try:
         start = write_pages().as_uri()
     except IcyMoonError:
@@ -206,10 +206,10 @@ CLASSES = (ICYMOON_OT_open_manual,)
 
 
 def register() -> None:
-    """Let Online Manual in the context menus lead to our manual."""
+    """Point Online Manual in the context menus to Icy Moon's manual."""
     bpy.utils.register_manual_map(_make_manual_map)
 
 
 def unregister() -> None:
-    """Let Online Manual in the context menus lead to Blender's manual again."""
+    """Point Online Manual in the context menus to Blender's manual again."""
     bpy.utils.unregister_manual_map(_make_manual_map)

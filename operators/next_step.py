@@ -1,4 +1,4 @@
-"""The next step from the present state of a scene to a measured stereo error."""
+"""The next step on the way from the present state of a scene to a measured stereo error."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .kept_pairs import find_kept_pairs, list_changes_since_render
 from .render import explain_missing_denoiser
 from .session import session
 
-#: The next step where this Blender lacks the denoiser of the scene.
+#: The next step if this Blender lacks the scene's denoiser.
 DENOISER_OFF = "Next: Turn Denoiser Off"
 
 
 def find_next_step(scene: bpy.types.Scene) -> str:
-    """The button or panel of the next step. A pair that has other settings than the present ones must be rendered
+    """Return the button or panel of the next step. A pair whose settings differ from the present ones must be rendered
     again."""
     if find_collection(scene) is None or lacks_trench(scene):
         return "Next: Build Scene"

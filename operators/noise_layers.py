@@ -82,7 +82,7 @@ class ICYMOON_OT_show_roughness(ExplainedOperator, bpy.types.Operator):
 
 
 def describe_layer(entry: bpy.types.PropertyGroup) -> str:
-    """A line that describes a layer: basis, fractal and amplitude."""
+    """Describe a layer in a line: basis, fractal and amplitude."""
     names = {setting.key: setting.choice_labels for setting in TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
 

@@ -1,4 +1,4 @@
-"""Use Selected Object as Ground: what was modelled or sculpted in Blender, as a ground from a file."""
+"""Use Selected Object as Ground: build on an object that was modelled or sculpted in Blender, as ground from a file."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from .operator_type import ExplainedOperator
 from .render import find_dataset_folder, require_scene
 from .sidebar_text import GROUND_OBJECT
 
-#: The bytes of a file with vertices (n, 3) and triangles (m, 3).
+#: A function that encodes vertices (n, 3) and triangles (m, 3) as the bytes of a file.
 EncodeMesh = Callable[[Array, Array], bytes]
 
 
 def why_not_usable(context: bpy.types.Context) -> str:
-    """Return why the active object cannot be the ground or a rock; empty if it can."""
+    """Explain why the active object cannot be the ground or a rock; empty if it can."""
     item = context.active_object
     if item is None or not item.select_get():
         return "Select a mesh object"
@@ -42,7 +42,8 @@ def why_not_usable(context: bpy.types.Context) -> str:
 
 
 def shorten_path(path: Path, dataset_folder: str) -> str:
-    """Shorten a path for the settings: relative to the .blend file if the data set's folder is."""
+    """Shorten a path for the settings. It becomes relative to the .blend file if the data set's folder is relative to
+    it."""
     beside = dataset_folder.startswith("//")
     return f"//{os.path.relpath(path, bpy.path.abspath('//'))}" if beside else str(path)
 
@@ -55,16 +56,15 @@ class SelectedMeshOperator(ExplainedOperator):
         return why_not_usable(context)
 
     def keep_mesh(self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str) -> Path:
-        """As ``keep_mesh_in_steps``, at once."""
+        """Do the work of ``keep_mesh_in_steps`` at once."""
         return finish(self.keep_mesh_in_steps(context, setting, suffix, encode, told))
 
     def keep_mesh_in_steps(
         self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str
     ) -> Steps[Path]:
-        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content, in
-        steps. Any thread may call ``encode``.
+        """Write the mesh, encoded for a ``setting``, into the data set in steps. Its name follows from its content.
 
-        Reports the path, followed by the text ``told``, and returns the path.
+        Any thread may call ``encode``. Reports the file's path, followed by the text ``told``, and returns the path.
         """
         leave_edit_mode()  # or the mesh would lack the last edits
         item, scene = context.active_object, context.scene

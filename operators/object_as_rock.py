@@ -1,4 +1,4 @@
-"""Use Selected Object as Rock: what was modelled or sculpted in Blender, as the shape of all rocks."""
+"""Use Selected Object as Rock: give all rocks the shape of an object that was modelled or sculpted in Blender."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .change_and_build import ChangeAndBuildOperator
 from .jobs import Job
 from .object_as_ground import SelectedMeshOperator, shorten_path
 
-#: Share of the ground under rocks where there were none.
+#: Share of the ground that the rocks cover if there were no rocks before.
 _FIRST_COVERAGE = 0.05
 
 
 def encode_rock(positions: Array, triangles: Array) -> bytes:
-    """A mesh, vertices (n, 3) and triangles (m, 3), as a Wavefront OBJ file."""
+    """Encode a mesh, vertices (n, 3) and triangles (m, 3), as a Wavefront OBJ file."""
     lines = [*(f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in positions.tolist())]
     lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(triangles) + 1).tolist()]
     return "\n".join([*lines, ""]).encode()
 
 
 def _encode_checked(name: str, positions: Array, triangles: Array) -> bytes:
-    """As ``encode_rock``, for the object with this name. Raises IcyMoonError if it cannot be a rock."""
+    """Encode the object with this name as ``encode_rock`` does. Raises IcyMoonError if the object cannot be a rock."""
     make_own_shape(positions, triangles, name)
     return encode_rock(positions, triangles)
 
@@ -46,7 +46,7 @@ class RockOperator(SelectedMeshOperator, ChangeAndBuildOperator):
         return self.build_at_once(context)
 
     def start(self, context: bpy.types.Context) -> Job:
-        """Start to build the scene with these rocks. Raises IcyMoonError if the object cannot be a rock or nothing can
+        """Start to build the scene with these rocks. Raises IcyMoonError if the object cannot be a rock or no scene can
         be built."""
         self.change_settings(context.scene, {"rocks": self._make_settings(context)})
         return super().start(context)

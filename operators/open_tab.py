@@ -1,4 +1,4 @@
-"""Opens the tab Icy Moon of the sidebar once after the installation, so that users find it at once."""
+"""Open the tab Icy Moon of the sidebar once after the installation, so that users find it at once."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ _INTERVAL_S, _MAX_TRIES = 0.2, 50
 
 
 class _RemainingTries:
-    """The number of tries that are left."""
+    """The number of remaining tries to open the tab."""
 
     left = 0
 
 
 def open_tab() -> float | None:
-    """Open the sidebar of the largest 3D View at our tab. Returns the seconds until the next try, None at the end."""
+    """Open the sidebar of the largest 3D View at our tab. Returns the seconds until the next try, None after the
+    last."""
     _RemainingTries.left -= 1
     areas = [area for _, area in list_areas("VIEW_3D")]
     if not areas:
@@ -48,7 +49,7 @@ def _open_once() -> float | None:
 
 
 def register() -> None:
-    """Open the tab soon, if this is the first session with Icy Moon and has a window."""
+    """Schedule the opening of the tab if this is the first session with Icy Moon and has a window."""
     _RemainingTries.left = _MAX_TRIES
     if not bpy.app.background:
         call_later(_open_once, _INTERVAL_S)

@@ -1,5 +1,6 @@
-"""Base classes of mix-ins for operators: the attributes that Blender gives every operator, as a type that Blender does
-not see, and buttons that are grey for a reason.
+"""Base classes of mix-ins for operators: attributes of all operators for type checkers, and grey buttons with a reason.
+
+Blender itself gives every operator these attributes, and does not see the type.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import bpy
 if TYPE_CHECKING:
 
     class OperatorMixin:
-        """A class that is combined with bpy.types.Operator."""
+        """A class that is combined with ``bpy.types.Operator``."""
 
         bl_property: str
         properties: bpy.types.OperatorProperties
@@ -28,12 +29,12 @@ else:
 
 
 class ExplainedOperator(OperatorMixin):
-    """Mix-in: an operator that cannot run while there is an obstacle. Its button is then grey, with the reason in its
-    tooltip."""
+    """Mix-in: an operator that cannot run while there is an obstacle. Its button is then grey, and its tooltip gives
+    the reason."""
 
     @classmethod
     def find_obstacle(cls, context: bpy.types.Context) -> str:
-        """Why the operator cannot run now; empty if it can."""
+        """Return the reason why the operator cannot run now; empty if it can."""
         return ""
 
     @classmethod

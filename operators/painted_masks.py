@@ -1,4 +1,4 @@
-"""Paint where rocks, dirt and frost lie: in Blender's Weight Paint mode, or on an image."""
+"""Paint the masks of rocks, dirt and frost: in Blender's Weight Paint mode, or on an image."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KINDS = (
     ("DIRT", "Dirt", "Where dirt lies, of that on slopes and in troughs"),
     ("FROST", "Frost", "Where frost lies"),
 )
-#: What a first mask turns on, where there was none.
+#: (topic, key, value) of the amount that a first mask sets if the amount was 0.
 _FIRST_AMOUNTS = {"ROCKS": ("rocks", "coverage", 0.05), "FROST": ("surface", "frost_share", 0.5)}
 _MOST = 65535  # the largest value in the file
 _NO_BRUSHES = (
@@ -44,24 +44,24 @@ _NO_BRUSHES = (
 
 
 def name_group(kind: str) -> str:
-    """The vertex group of a kind of mask."""
+    """Return the name of the vertex group of a kind of mask."""
     return f"Icy Moon {kind.title()}"
 
 
 def can_use(scene: bpy.types.Scene, kind: str) -> bool:
-    """Whether a mask of a kind was painted in Weight Paint mode."""
+    """Return whether a mask of a kind was painted in Weight Paint mode."""
     sheet = mask_sheet.find_sheet(scene)
     return sheet is not None and name_group(kind) in sheet.vertex_groups
 
 
 def has_mask(scene: bpy.types.Scene, kind: str) -> bool:
-    """Whether the settings of a scene name a mask of a kind."""
+    """Return whether the settings of a scene name a mask of a kind."""
     topic, key = MASK_SETTINGS[kind.lower()]
     return bool(getattr(getattr(scene.icymoon, topic), key))
 
 
 def find_painted_kind(context: bpy.types.Context) -> str:
-    """The kind of the mask that is painted now, in Weight Paint mode; empty while none is painted."""
+    """Find the kind of the mask that is being painted in Weight Paint mode; empty if none is."""
     sheet = mask_sheet.find_sheet(context.scene)
     if sheet is None or context.mode != "PAINT_WEIGHT" or context.object is not sheet:
         return ""
@@ -70,14 +70,14 @@ def find_painted_kind(context: bpy.types.Context) -> str:
 
 
 def leave_sheet(context: bpy.types.Context) -> None:
-    """End the painting of a mask and hide its sheet, if the scene has one. What was painted stays."""
+    """End the painting of a mask and hide its sheet, if the scene has one. The painted weights stay."""
     sheet = mask_sheet.find_sheet(context.scene)
     if sheet is None:
         return
     if context.object is sheet:
         leave_edit_mode()
     if sheet.visible_get():
-        _hide(context, sheet)
+        _hide_sheet(context, sheet)
 
 
 class _MaskOperator(ChangeAndBuildOperator):
@@ -111,7 +111,7 @@ class _MaskOperator(ChangeAndBuildOperator):
         return result
 
     def _build(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene; in a window with coarse ground, and its ground at full resolution follows."""
+        """Build the scene. In a window the ground is coarse at first, and the ground at full resolution follows."""
         coarse = not bpy.app.background
         at_once = not coarse or self.options.is_repeat
         if not at_once:
@@ -191,7 +191,7 @@ class ICYMOON_OT_use_painted_mask(_MaskOperator, bpy.types.Operator):
             self.report({"WARNING"}, f"Nothing is painted, so {self.kind.lower()} will be nowhere")
         result = self._use(context, shares, sheet.name)
         if result != {"CANCELLED"}:
-            _hide(context, sheet)
+            _hide_sheet(context, sheet)
         return result
 
 
@@ -242,7 +242,7 @@ class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         leave_edit_mode()
         if sheet := mask_sheet.find_sheet(context.scene):
-            _hide(context, sheet)
+            _hide_sheet(context, sheet)
             mask_sheet.remove_group(sheet, name_group(self.kind))
         if not has_mask(context.scene, self.kind):
             return {"FINISHED"}
@@ -251,7 +251,7 @@ class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
 
 
 def _read_grey(image: bpy.types.Image) -> Array:
-    """The mean of the colour bands (rows, columns) of an image, as stored, north first."""
+    """Read the mean of the colour bands of an image as stored: (rows, columns), north first."""
     columns, rows = image.size
     pixels = np.empty(columns * rows * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
@@ -275,8 +275,8 @@ def _show_to_paint(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
     space.shading.type, space.overlay.show_overlays = "SOLID", True
 
 
-def _hide(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
-    """Hide the sheet, and restore the shading and overlays that the 3D View with the button had before the painting."""
+def _hide_sheet(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
+    """Hide the sheet, and restore the shading and overlays that this 3D View had before the painting."""
     sheet.hide_set(True)
     space: Any = context.space_data
     before = session.before_painting.pop(space.as_pointer(), None) if space is not None else None

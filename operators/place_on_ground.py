@@ -1,4 +1,4 @@
-"""Place by Click: the camera, the trench, the workspace or the site of the map, where the user clicks on the ground."""
+"""Place by Click: place the camera, the trench, the workspace or the site of the map by a click on the ground."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ TARGETS = (
     ("SITE", "Site on the Map", "Move the ground so that the place is the origin of the scene"),
 )
 _HINT = "Click on the ground to place the {}; Esc or right click to cancel"
-#: Events that end the operator without a place. Blender handles the events that turn and move the view.
+#: Events that cancel the operator. Blender handles the events that turn and move the view.
 _CANCELS = ("ESC", "RIGHTMOUSE")
 _NOT_DUG = "; press Build Scene to dig it"
 _DIGITS = 3  # digits of a place in metres: a millimetre
-#: Cells in metres of a workspace that had none: those of the shipped workspaces, a quarter of the scoop's width.
+#: Cell size, m, of a workspace that had none: as in the shipped workspaces, a quarter of the scoop's width.
 _FIRST_CELL_M = 0.02
 
 
 def check_target(target: str, settings: Settings) -> None:
-    """Raise IcyMoonError if the present settings have no such target."""
+    """Raise IcyMoonError if a target cannot be placed with the present settings."""
     if target == "TRENCH" and settings.source.kind != "PROCEDURAL":
         raise IcyMoonError(REFUSED_FILE)
     if target == "TRENCH" and settings.excavation.path not in ("NONE", "LINE", "ARC"):
@@ -55,7 +55,7 @@ def check_target(target: str, settings: Settings) -> None:
 def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:
     """Make the settings that put a target at ``x_m`` east and ``y_m`` north of the origin, in metres.
 
-    Raises IcyMoonError if the present settings have no such target.
+    Raises IcyMoonError if the target cannot be placed with the present settings.
     """
     check_target(target, settings)
     x, y = round(x_m, _DIGITS), round(y_m, _DIGITS)
@@ -77,7 +77,7 @@ def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapp
 
 
 def find_view(screen: bpy.types.Screen, x: int, y: int) -> tuple[bpy.types.Region, bpy.types.RegionView3D] | None:
-    """Find the region of the 3D View at a window position, px from below left; None beside 3D Views."""
+    """Find the region of the 3D View at a window position, in px from below left; None outside all 3D Views."""
     for area in screen.areas:
         if area.type != "VIEW_3D":
             continue
@@ -93,7 +93,7 @@ def _contains(region: bpy.types.Region, x: int, y: int) -> bool:
 
 
 def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
-    """Find the point of the built ground, m, under a window position, px; None beside the ground."""
+    """Find the point of the built ground, in m, under a window position in px; None if there is no ground."""
     found = find_view(context.screen, x, y)
     if found is None:
         return None
@@ -105,7 +105,7 @@ def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
 
 
 def _show_hint(context: bpy.types.Context, hint: str | None) -> None:
-    """Show a hint in the status bar and in the headers of the 3D Views; None shows what they show otherwise."""
+    """Show a hint in the status bar and in the headers of the 3D Views; None removes the hint."""
     context.workspace.status_text_set(hint)
     for _, area in list_areas("VIEW_3D"):
         area.header_text_set(hint)
@@ -164,7 +164,7 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
         return self.execute(context)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when the window closes or another file is opened."""
+        """Stop waiting. Blender calls this when the window closes or another file is opened."""
         self._end(context)
 
     def _end(self, context: bpy.types.Context) -> None:
@@ -202,7 +202,7 @@ class ICYMOON_OT_dig_trench(ChangeAndBuildOperator, bpy.types.Operator):
     y_m: bpy.props.FloatProperty(name="North", description="Metres north of the origin", subtype="DISTANCE")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        """Build in pieces, or at once without a window."""
+        """Build in pieces; without a window, at once."""
         try:
             settings = scene_properties.read_settings(context.scene.icymoon)
             self.change_settings(context.scene, make_placed("TRENCH", settings, self.x_m, self.y_m))
@@ -216,7 +216,8 @@ class ICYMOON_OT_dig_trench(ChangeAndBuildOperator, bpy.types.Operator):
         return self.invoke(context, None)
 
     def make_steps(self, context: bpy.types.Context) -> Steps[list[tuple[str, str]]]:
-        """The build, in steps. A scene that was edited by hand is not built again, which would revert the edits."""
+        """Make the steps of the build. A scene that was edited by hand is not built again, since that would revert the
+        edits."""
         if (yield from settle(partial(find_whether_edited, self._scene_uid))):
             return [("WARNING", f"{_describe_place(self.x_m, self.y_m)}; the scene was edited by hand{_NOT_DUG}")]
         settings = scene_properties.read_settings(require_scene(self._scene_uid).icymoon)

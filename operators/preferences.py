@@ -1,4 +1,4 @@
-"""Preferences of the user on this machine, which no scene contains."""
+"""The user's preferences on this machine, which no scene contains."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ASSET_LIBRARY = "Icy Moon"
 
 
 def find_extension_folder(create: bool = True) -> Path:
-    """The extension's own folder, which upgrades keep. ``create`` makes it if it does not exist.
+    """Return the extension's own folder, which upgrades keep. ``create`` makes it if it does not exist.
 
     Raises IcyMoonError if Icy Moon is not an installed extension.
     """
@@ -45,17 +45,17 @@ def find_extension_folder(create: bool = True) -> Path:
 
 
 def can_install_evaluator() -> bool:
-    """Whether this extension can install packages; a store build brings them and has no installer."""
+    """Return whether this extension can install packages. A store build contains the packages and has no installer."""
     return (ROOT / "stereo" / "environment" / "install.py").is_file()
 
 
 def find_own_evaluator_python() -> Path:
-    """The Python of the evaluator that the Install button installs."""
+    """Return the path of the Python of the evaluator that the Install button installs."""
     return find_venv_python(find_extension_folder() / "evaluator")
 
 
 def has_own_evaluator() -> bool:
-    """Whether the Install button has installed an evaluator, as a whole."""
+    """Return whether the Install button has completely installed an evaluator."""
     if not can_install_evaluator():
         return False
     from ..stereo.environment.install import is_unfinished
@@ -68,7 +68,7 @@ def has_own_evaluator() -> bool:
 
 
 def find_asset_folder() -> Path:
-    """The folder of the asset library. Raises IcyMoonError if the extension has no folder."""
+    """Return the folder of the asset library. Raises IcyMoonError if the extension has no folder."""
     return find_extension_folder(create=False) / "assets"
 
 
@@ -81,7 +81,7 @@ def has_assets() -> bool:
 
 
 def find_asset_libraries() -> list[Any]:
-    """The entries of Blender's preferences for our asset library, under any name."""
+    """Find the entries of Blender's preferences for our asset library, under any name."""
     try:
         folder = find_asset_folder()
     except IcyMoonError:
@@ -94,7 +94,7 @@ def find_asset_libraries() -> list[Any]:
 
 
 def list_asset_library() -> None:
-    """Enter our asset library in Blender's preferences, unless it is there."""
+    """Enter our asset library in Blender's preferences, unless it is listed."""
     if find_asset_libraries():
         return
     library = bpy.context.preferences.filepaths.asset_libraries.new(
@@ -110,17 +110,17 @@ def unlist_asset_library() -> None:
 
 
 def get_preferences() -> bpy.types.AddonPreferences:
-    """The preferences of the extension; None if Icy Moon does not run as an installed add-on."""
+    """Return the preferences of the extension; None if Icy Moon does not run as an installed add-on."""
     add_on = bpy.context.preferences.addons.get(ADD_ON)
     return add_on.preferences if add_on else None
 
 
 def find_evaluator_python() -> str:
-    """Path of the Python that evaluates.
+    """Find the Python that evaluates.
 
     It is the first of these: the preference, ``ICYMOON_EVALUATOR``, this Python if Blender is a module of it, Blender's
-    own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError
-    without any of these.
+    own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError if
+    none of these exists.
     """
     preferences = get_preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
@@ -146,7 +146,7 @@ def find_evaluator_python() -> str:
 
 
 def _describe_how_to_get_evaluator() -> str:
-    """A sentence on how to get an evaluator."""
+    """Describe in a sentence how to get an evaluator."""
     if not can_install_evaluator():
         return (
             "The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
@@ -165,7 +165,7 @@ def _describe_how_to_get_evaluator() -> str:
 
 
 def is_evaluator_missing() -> bool:
-    """Whether there is no evaluator yet and the Install button can make one."""
+    """Return whether no evaluator is installed or chosen, and the Install button can install one."""
     if not can_install_evaluator():
         return False
     try:
@@ -176,36 +176,38 @@ def is_evaluator_missing() -> bool:
         find_evaluator_python()
     except IcyMoonError:
         chosen = getattr(get_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
-        return not chosen  # a path that is wrong is the user's to correct
+        return not chosen  # the user must correct a wrong path
     return False
 
 
 def count_workers() -> int:
-    """Number of processes that render a data set whose ``dataset.workers`` is 0; 0 for the default of the machine."""
+    """Return the number of processes that render a data set whose ``dataset.workers`` is 0; 0 for the machine's
+    default."""
     preferences = get_preferences()
     return int(preferences.workers) if preferences else 0
 
 
 def find_kernels() -> str:
-    """The meta-kernel or folder of SPICE kernels for scenes that name none; empty if the user has chosen none."""
+    """Return the meta-kernel or folder of SPICE kernels for scenes that name none; empty if the user has chosen
+    none."""
     preferences = get_preferences()
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
 def list_own_matchers() -> list[str]:
-    """Names of the user's own matchers that are set up on this machine."""
+    """List the names of the user's own matchers on this machine."""
     preferences = get_preferences()
     return [item.name for item in preferences.matchers] if preferences else []
 
 
 def list_plugin_matchers() -> list[str]:
-    """Names of the matchers of plug-ins that the last Check found in the evaluator's Python."""
+    """List the names of the plug-ins' matchers that the last Check found in the evaluator's Python."""
     preferences = get_preferences()
     return preferences.plugin_matchers.split() if preferences else list(_found_matchers)
 
 
 def make_own_matcher_arguments(methods: str) -> list[str]:
-    """The arguments of the evaluator for the user's own matchers in a list of matchers.
+    """Make the evaluator's arguments for the user's own matchers in a list of matchers.
 
     Raises IcyMoonError if a matcher is not set up on this machine.
     """
@@ -223,7 +225,7 @@ def make_own_matcher_arguments(methods: str) -> list[str]:
 
 
 def _make_matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
-    """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
+    """Make the text ``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
     options = [f"{dict(list_set_ups())[item.method][1]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
     return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
@@ -233,7 +235,7 @@ def _choose_cache(preferences: bpy.types.AddonPreferences, context: bpy.types.Co
     cache_folder.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
-#: Matchers of plug-ins that the last Check found, where there are no preferences to keep them.
+#: Plug-ins' matchers that the last Check found, for use without preferences that could keep them.
 _found_matchers: list[str] = []
 #: Findings of the last Check in this session, which the preferences show.
 findings: list[Finding] = []
@@ -356,8 +358,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
 
 def _draw_top(layout: bpy.types.UILayout) -> None:
-    """Draw the progress of the running job, such as Install Evaluator, with the button that stops it; else a line on
-    where the sidebar is. Either takes one line, so that no button moves."""
+    """Draw the progress of the running job and the button that stops it; without a job, a line that tells where the
+    sidebar is. Either takes one line, so that no button moves."""
     row = layout.row(align=True)
     if session.job is None:
         row.label(text="Icy Moon is a tab in the sidebar of the 3D View, which N opens", icon="INFO")
@@ -381,7 +383,7 @@ def _draw_matchers(layout: bpy.types.UILayout, matchers: bpy.types.bpy_prop_coll
 
 
 def get_matchers() -> bpy.types.bpy_prop_collection:
-    """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
+    """Return the list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
     preferences = get_preferences()
     if preferences is None:
         raise IcyMoonError(
@@ -392,7 +394,7 @@ def get_matchers() -> bpy.types.bpy_prop_collection:
 
 
 def show_findings(found: list[Finding]) -> None:
-    """Show the findings of a check in the preferences, and keep the matchers of plug-ins that it found."""
+    """Show the findings of a check in the preferences, and keep the names of the plug-ins' matchers among them."""
     findings[:] = found
     if any(finding.subject == "Evaluator" for finding in found):
         _found_matchers[:] = [name for finding in found for name in finding.names]
@@ -402,7 +404,7 @@ def show_findings(found: list[Finding]) -> None:
 
 def register() -> None:
     """Register the preferences, and list the asset library. From now on, scenes that need kernels but name none get the
-    kernels of the preferences."""
+    preferred kernels."""
     bundled_wheels.share_wheels(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)

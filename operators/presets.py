@@ -40,19 +40,19 @@ OWN = "own/"
 _PICTURE_SUFFIX = ".png"
 #: Topics that belong to the user and stay when a scene is loaded.
 _KEPT_TOPICS = ("dataset", "quality")
-#: Columns and rows of a preset's picture at most.
+#: Maximum number of columns and of rows of a preset's picture.
 PICTURE_PX = 256
 _shipped: list[tuple[str, str, str]] = []
 _kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender requires that Python keeps the strings of items
 
 
 def find_own_folder() -> Path:
-    """The folder of the user's own presets. Raises IcyMoonError if Icy Moon is not an installed extension."""
+    """Return the folder of the user's own presets. Raises IcyMoonError if Icy Moon is not an installed extension."""
     return find_extension_folder() / "presets"
 
 
 def list_own_presets() -> dict[str, Path]:
-    """The files of the user's own presets by name, such as ``own/my_site``."""
+    """List the files of the user's own presets by name, such as ``own/my_site``."""
     try:
         return {f"{OWN}{path.stem}": path for path in sorted(find_own_folder().glob("*.toml"))}
     except IcyMoonError:  # not installed as an extension
@@ -60,7 +60,7 @@ def list_own_presets() -> dict[str, Path]:
 
 
 def find_preset(name: str) -> Path:
-    """The file of a preset, shipped or the user's own. Raises IcyMoonError if the preset does not exist."""
+    """Find the file of a preset, shipped or the user's own. Raises IcyMoonError if the preset does not exist."""
     if not name.startswith(OWN):
         return preset_files.find_preset(name)
     try:
@@ -72,7 +72,7 @@ def find_preset(name: str) -> Path:
 
 
 def find_picture(name: str) -> Path:
-    """The picture of a scene preset, shipped or the user's own, if it has one."""
+    """Return the path of the picture of a scene preset, shipped or the user's own. The picture may not exist."""
     return (
         preset_files.find_preview(name)
         if not name.startswith(OWN)
@@ -81,8 +81,7 @@ def find_picture(name: str) -> Path:
 
 
 def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
-    """Save the left image of the rendered pair of ``settings`` beside a preset. Returns whether there is such a
-    pair."""
+    """Save the left image of the rendered pair of ``settings`` beside a preset. Returns False without such a pair."""
     try:
         views = read_pair_views(
             find_rendered_pairs(context, settings)[0], rebuilt_parts.select_response(settings), PICTURE_PX
@@ -95,7 +94,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
 
 
 def list_preset_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
-    """(name, title, description) of all presets. The shipped ones are read once."""
+    """List (name, title, description) of all presets. The shipped presets are read once."""
     if not _shipped:
         _shipped.extend((name, *preset_files.read_preset_header(name)) for name in preset_files.preset_names())
     own = [(name, *_read_header(path, path.stat().st_mtime_ns)) for name, path in list_own_presets().items()]
@@ -103,8 +102,8 @@ def list_preset_items(_self: object = None, _context: object = None) -> list[tup
 
 
 def list_search_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
-    """``list_preset_items`` with the kind of each preset after its title, since presets of two kinds may have the same
-    title."""
+    """List the items of ``list_preset_items`` with the preset's kind after each title, since presets of two kinds may
+    have the same title."""
     found = []
     for name, title, tooltip in list_preset_items():
         kind = preset_files.PRESET_KINDS.get(name.split("/")[0], "Yours")
@@ -115,7 +114,8 @@ def list_search_items(_self: object = None, _context: object = None) -> list[tup
 
 @lru_cache(maxsize=256)
 def _read_header(path: Path, modified_ns: int) -> tuple[str, str]:
-    """(title, description) of one of the user's own presets, cached because the sidebar asks at every redraw."""
+    """Read (title, description) of one of the user's own presets. The answer is cached, because the sidebar asks at
+    every redraw."""
     try:
         return preset_files.read_header(path, path.stem)
     except IcyMoonError as error:
@@ -123,13 +123,13 @@ def _read_header(path: Path, modified_ns: int) -> tuple[str, str]:
 
 
 def find_title(name: str) -> str:
-    """The title of a preset in the sidebar."""
+    """Return the title of a preset in the sidebar."""
     found = next((title for known, title, _ in list_preset_items() if known == name), name.split("/")[-1])
     return found or "Choose a Preset"
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:
-    """Whether the settings of the scene differ from its preset, so that loading the preset would change them.
+    """Return whether the settings of the scene differ from its preset, so that loading the preset would change them.
 
     Data set and quality do not count, because loading a preset keeps them.
     """
@@ -156,10 +156,10 @@ def _differs(settings: Settings, path: Path, modified_ns: int) -> bool:
 
 
 def find_known_sources(settings: Settings, preset: str) -> dict[str, str]:
-    """The known sources of settings, by ``topic.key``.
+    """Find the known sources of settings, by ``topic.key``.
 
-    A source is from the user's preset that was loaded last if the value is still the same, otherwise from a shipped
-    preset with this value.
+    If a value is still as in the user's preset that was loaded last, its source is taken from there, else from a
+    shipped preset with this value.
     """
     whole = description.merged(description.defaults(), settings)
     found = {
@@ -181,9 +181,10 @@ def find_known_sources(settings: Settings, preset: str) -> dict[str, str]:
 
 
 def _make_fresh_settings(group: bpy.types.PropertyGroup) -> Settings:
-    """The settings to which a preset of a whole scene is applied: defaults, and the quality that the user has chosen.
+    """Make the settings to which a preset of a whole scene is applied: defaults, and the quality that the user has
+    chosen.
 
-    Values of quality that the previously loaded preset set become defaults. Settings of the data set are left out.
+    Quality values that came from the previous preset become defaults again. Settings of the data set are left out.
     """
     fresh, now = description.defaults(), scene_properties.read_unchecked(group).quality
     try:
@@ -208,12 +209,12 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         name="Preset",
         description="Preset to load",
     )
-    # In a window: show the scene at once, its ground coarsely, then at full resolution.
+    # In a window, show the scene at once, with coarse ground first and at full resolution afterwards.
     build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """Blender adds the title and the description of the preset where one is given."""
+        """Return the tooltip. Blender adds the title and the description of a given preset."""
         given = properties.is_property_set("preset")
         return "Load this preset into the settings of the scene" if given else str(cls.__doc__)
 
@@ -226,7 +227,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
-        session.stop_building()  # of the settings before
+        session.stop_building()  # the build of the earlier settings
         self._before = group.preset, scene_properties.read_unchecked(group)
         if preset_files.is_whole_scene(self.preset):
             loaded = description.merged(_make_fresh_settings(group), loaded)
@@ -241,15 +242,15 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         return {"FINISHED"}
 
     def _builds_in_pieces(self, context: bpy.types.Context) -> bool:
-        """Whether the scene is built in pieces, if its ground is not from a file. The live preview shows a scene that
-        was edited by hand, since a build would undo the edits."""
+        """Return whether the scene is built in pieces, if its ground is not from a file. A scene that was edited by
+        hand is shown by the live preview, since a build would undo the edits."""
         if not self.build or bpy.app.background or not self.options.is_invoke or self.options.is_repeat:
             return False
         built = scenes.find_built(context.scene)
         return built is None or (context.scene.icymoon.live and not built.outdated and not built.edited)
 
     def _show(self, context: bpy.types.Context, in_pieces: bool) -> set[str]:
-        """Show the settings of the scene with coarse ground. The ground at full resolution follows."""
+        """Show the settings of the scene with coarse ground, and let the ground at full resolution follow."""
         scene = context.scene
         settings = scene_properties.read_unchecked(scene.icymoon)
         if in_pieces and not is_from_file(settings):
@@ -266,25 +267,25 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, PiecewiseBuildOperator, bpy.t
         return {"FINISHED"}
 
     def _cover(self, scene: bpy.types.Scene) -> None:
-        """Cover the view with the picture of the preset until it is clear, and let the fine ground follow."""
+        """Cover the view with the preset's picture until the view is clear, and start to make the fine ground."""
         session.picture.show(scene, find_picture(self.preset))
         if preview.find_preview_of(scene, scene_properties.read_unchecked(scene.icymoon)) is None:
             session.picture.count(scene)
         refine_ground.start_refining()
 
     def take_back(self, scene: bpy.types.Scene) -> None:
-        """Load the settings from before the preset."""
+        """Restore the preset and the settings that the scene had before the operator."""
         if self._before is not None:
             scene.icymoon.preset, before = self._before
             scene_properties.write_settings(scene.icymoon, before)
 
     def fail(self, error: Exception) -> set[str]:
-        """Report why the scene was not built. Its settings are loaded nevertheless."""
+        """Report why the scene was not built. Its settings stay loaded."""
         super().fail(error)
         return {"FINISHED"}
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Report what was built, and cover its view."""
+        """Report the built scene, and cover its view."""
         super().report_success(context)
         if (scene := find_scene(self._scene_uid)) is not None:
             self._cover(scene)
@@ -316,7 +317,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             settings = scene_properties.read_settings(group)
             wanted = make_paths_absolute(settings)
             wanted.pop("dataset")
-            remove(find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")  # of a preset that had this name
+            remove(find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")  # the picture of an earlier preset of this name
             pictured = _save_picture(context, settings, find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")
             write_text(
                 find_own_folder() / f"{stem}.toml",

@@ -1,4 +1,4 @@
-"""The pairs of the data set folder that were rendered last, with small pictures that a thread makes in turn."""
+"""The pairs of the data set folder that were rendered last, with small pictures that a thread makes one by one."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from .render import find_dataset_folder
 from .window_areas import ButtonPictures, redraw_panels
 from .window_events import call_later, cancel_call
 
-#: Maximum number of pairs in the list, of columns or rows of a picture, and of pictures that are kept.
+#: Maximum numbers of pairs in the list, of columns or rows of a picture, and of kept pictures.
 MAX_PAIRS, SIDE_PX, _MAX_PICTURES = 8, 128, 64
-#: Seconds after which the folder is read again although it has not changed: a pair may be rendered anew in its place.
+#: Seconds after which even an unchanged folder is read again, because a pair may be rendered anew in its place.
 _REREAD_S = 5.0
 _pictures = ButtonPictures()
-#: What tells a pair with a picture from others, by the key of the picture.
+#: Descriptions of the pairs with pictures, by the key of the picture.
 _about: dict[str, str] = {}
 
 
 class RecentPair(NamedTuple):
-    """A pair of a data set, and when its ``pair.json`` was written, ns."""
+    """A pair of a data set, and the time at which its ``pair.json`` was written, in ns."""
 
     folder: Path
     written_ns: int
@@ -50,7 +50,7 @@ class RecentPair(NamedTuple):
 
 
 class _PictureQueue:
-    """The pair whose picture is being made, the pairs that wait for one, and the pairs that cannot have one."""
+    """The pair whose picture is being made, the pairs that wait, and the pairs that cannot be read."""
 
     job: jobs.Job | None = None
     pair: RecentPair | None = None
@@ -59,7 +59,7 @@ class _PictureQueue:
 
 
 def list_recent(scene: bpy.types.Scene) -> tuple[RecentPair, ...]:
-    """The pairs of a scene's data set folder that were written last, the newest first; none without a folder."""
+    """List the pairs of a scene's data set folder that were written last, newest first; empty without a folder."""
     try:
         dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
         changed_ns = pairs_folder(dataset).stat().st_mtime_ns
@@ -70,7 +70,8 @@ def list_recent(scene: bpy.types.Scene) -> tuple[RecentPair, ...]:
 
 @lru_cache(maxsize=4)
 def _read_recent(folder: Path, changed_ns: int, period: int) -> tuple[RecentPair, ...]:
-    """``list_recent`` of a folder of pairs. The window asks at every redraw, so the answer is kept for a while."""
+    """Read ``list_recent`` from a folder of pairs. The answer is kept for a while, because the window asks at every
+    redraw."""
     found = []
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -84,7 +85,8 @@ def _read_recent(folder: Path, changed_ns: int, period: int) -> tuple[RecentPair
 
 
 def find_icon(pair: RecentPair) -> int | None:
-    """The icon of a pair's picture (0 without a window); None until it is made. A pair without a picture is queued."""
+    """Return the icon of a pair's picture (0 without a window), or None until it is made. A pair without a picture is
+    queued."""
     shown = _pictures.collection.get(_make_key(pair))
     if shown is not None:
         return int(shown.icon_id)
@@ -96,7 +98,7 @@ def find_icon(pair: RecentPair) -> int | None:
 
 
 def find_description(pair: RecentPair) -> str:
-    """What tells a pair from others: its Sun and the size of its images; empty until its picture is made."""
+    """Describe the Sun and the image size of a pair, which tell it from others; empty until its picture is made."""
     return _about.get(_make_key(pair), "")
 
 
@@ -105,11 +107,12 @@ def _make_key(pair: RecentPair) -> str:
 
 
 def make_next() -> float | None:
-    """Make the picture of the next pair that waits, in a thread; seconds until the next look, None if none waits."""
+    """Make the picture of the next waiting pair in a thread. Returns the seconds until the next call, None if no pair
+    waits."""
     if _PictureQueue.job is not None and _PictureQueue.pair is not None:
         if _PictureQueue.job.poll():
             return jobs.INTERVAL_S
-        _keep(_PictureQueue.pair, _PictureQueue.job)
+        _keep_picture(_PictureQueue.pair, _PictureQueue.job)
         _PictureQueue.job = _PictureQueue.pair = None
         redraw_panels()
     if not _PictureQueue.waiting:
@@ -120,8 +123,8 @@ def make_next() -> float | None:
     return jobs.INTERVAL_S
 
 
-def _keep(pair: RecentPair, job: jobs.Job) -> None:
-    """Keep the left image of a pair that was read. A pair that cannot be read is noted as having no picture."""
+def _keep_picture(pair: RecentPair, job: jobs.Job) -> None:
+    """Keep the left image of a pair that was read, or note that the pair cannot be read."""
     if job.failure:
         _PictureQueue.failed |= {pair}
         return
@@ -139,7 +142,7 @@ def _keep(pair: RecentPair, job: jobs.Job) -> None:
 
 
 def register() -> None:
-    """Nothing: pictures are made once they are asked for."""
+    """Do nothing, because pictures are made only on request."""
 
 
 def unregister() -> None:

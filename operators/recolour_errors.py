@@ -1,8 +1,8 @@
-"""Colours the shown errors again when the range of the colours changes, in pieces that do not hold the window.
+"""Colour the shown errors again when the range of the colours changes, in pieces that do not hold the window.
 
-To colour a ground of 1.4 million vertices takes half a second of a thread. The colours of a slider follow as fast as
-that, and end at its last value. Undo and redo bring back the range without the colours that followed it, so they are
-made again.
+To colour a ground of 1.4 million vertices takes a thread half a second. While a slider moves, the colours follow at
+this pace, and they end at its last value. Undo and redo restore the range but not the colours made after it, so the
+colours are made again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 
 def follow_colour_range(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Colour the shown errors again when the range of the colours changes; without a window at once."""
+    """Colour the shown errors again when the range of the colours changes. Without a window this is done at once."""
     if scene is None or change_announcements.COLOURS not in effects or not shows_errors(scene):
         return
     if not live_preview.has_window():
@@ -60,8 +60,8 @@ def _recolour(scene_uid: int) -> Steps[None]:
         yield from painted_errors.recolour_errors(find_scene, full_m)
 
 
-def _stop() -> None:
-    """Stop before undo, which reads the meshes anew."""
+def _stop_recolouring() -> None:
+    """Stop the recolouring before undo, which reads the meshes anew."""
     if session.recolouring is not None:
         session.recolouring.stop()
         session.recolouring = None
@@ -75,18 +75,18 @@ def _follow_undo() -> None:
 
 
 def _list_shown_scenes() -> set[bpy.types.Scene]:
-    """The scenes of the windows."""
+    """Return the scenes that the windows show."""
     return {window.scene for window in bpy.context.window_manager.windows}
 
 
 register, unregister = make_registration(
     follow_colour_range,
     timers=(_recolour_next,),
-    end=_stop,
-    undo_pre=_stop,
-    redo_pre=_stop,
+    end=_stop_recolouring,
+    undo_pre=_stop_recolouring,
+    redo_pre=_stop_recolouring,
     undo_post=_follow_undo,
     redo_post=_follow_undo,
-    load_pre=_stop,
+    load_pre=_stop_recolouring,
     load_post=_follow_undo,
 )

@@ -1,8 +1,8 @@
-"""The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
+"""Show a newly chosen scene at once with coarse ground, and make its ground at full resolution meanwhile.
 
-Another Blender builds the scene, and a timer takes it over from its file, in pieces that do not hold the window. A
-setting of the ground that changes ends that at once. The fine ground adds no undo step: one undo reverts the choice of
-the scene, and redo stays possible. If undo or redo shows the coarse ground again, the fine ground follows again.
+Another Blender builds the scene, and a timer takes it over from its file, in pieces that do not hold the window. If a
+setting of the ground changes, this stops at once. The fine ground adds no undo step: one undo reverts the choice of the
+scene, and redo stays possible. If undo or redo shows the coarse ground again, the fine ground is made again.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: Seconds from which on the text states how long the ground has been computed.
+#: The text states the seconds of the computation from this number on.
 _LONG_S = 5
-#: Prefixes of the names of operators that hold the data they change, or that a wait would interrupt.
+#: Prefixes of the names of operators that hold the data they change, or that a wait would disturb.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
 def start_refining() -> None:
-    """Start to build the fine ground of every scene that shows a preview."""
+    """Schedule the build of the fine ground of every scene that shows a preview."""
     call_later(_refine_next, jobs.INTERVAL_S)
 
 
 def describe_refining(scene: bpy.types.Scene) -> str:
-    """Text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
+    """Return the text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
     if not bpy.app.timers.is_registered(_refine_next):
         return ""
     if not preview.find_preview_of(scene, scene_properties.read_for_display(scene.icymoon)):
@@ -61,12 +61,12 @@ def describe_refining(scene: bpy.types.Scene) -> str:
 
 
 def _measure_seconds() -> int:
-    """Whole seconds since the fine ground was begun; 0 while none is made."""
+    """Return the whole seconds since the build of the fine ground began; 0 if none runs."""
     return int(time.monotonic() - session.meshing.started) if session.meshing is not None else 0
 
 
 def _find_next() -> tuple[scenes.Built, Settings] | None:
-    """A built scene that awaits its ground, and its settings."""
+    """Find a built scene that awaits its fine ground. Returns the scene and its settings, or None."""
     for scene in bpy.data.scenes:
         with suppress(IcyMoonError):  # settings that no panel can make
             settings = scene_properties.read_settings(scene.icymoon)
@@ -76,7 +76,7 @@ def _find_next() -> tuple[scenes.Built, Settings] | None:
 
 
 def _is_busy() -> bool:
-    """Whether Blender renders, or the user drags something."""
+    """Return whether Blender renders, or the user drags something."""
     return bpy.app.is_job_running("RENDER") or any(
         operator.bl_idname.startswith(_BUSY_OPERATORS)
         for window in bpy.context.window_manager.windows
@@ -85,17 +85,17 @@ def _is_busy() -> bool:
 
 
 def start_building(settings: Settings) -> jobs.Job:
-    """Let another Blender build the scene of complete settings; ``result`` names the file.
+    """Let another Blender build the scene of complete settings. The job's ``result`` names the file.
 
     Raises IcyMoonError if that Blender cannot be started.
     """
-    files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair into a folder
+    files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair
     command = blender_command(jobs.find_this_blender(), "build", str(files.file), str(files.blend))
     return jobs.Job.start("Fine Ground", command, clean_up=files.discard, clean=False)
 
 
 def _end_building() -> None:
-    """End the process that builds and the work that takes its scene over, if there are any, and remove their files."""
+    """End the building process and the takeover of its scene, if they run, and remove their files."""
     _stop_placing()
     if session.meshing is not None:
         session.meshing.close()
@@ -103,7 +103,7 @@ def _end_building() -> None:
 
 
 def _refine_next() -> float | None:
-    """Let a scene that awaits its ground be built, then show it. The timer stops when no scene waits."""
+    """Build the fine ground of a scene that awaits it, then show it. The timer stops when no scene waits."""
     found = _find_next()
     if found is None:
         _end_building()
@@ -124,15 +124,15 @@ def _refine_next() -> float | None:
 
 
 def _show_seconds() -> None:
-    """Redraw the sidebar once a second, so that a long wait is seen to go on."""
+    """Redraw the sidebar once a second, so that the user sees a long wait go on."""
     if _measure_seconds() != session.shown_seconds:
         session.shown_seconds = _measure_seconds()
         redraw_sidebars()
 
 
 def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:
-    """Run the next piece of the work that shows the scene as it was built ``of`` settings, and return the seconds to
-    the next."""
+    """Run the next piece of the work that shows the scene as built ``of`` settings. Returns the seconds until the next
+    piece."""
     if session.placing is None:
         session.placing = WorkInPieces(_show_refined(built.scene.session_uid, of, job), "the fine ground")
     messages = session.placing.poll()
@@ -155,8 +155,8 @@ def _give_up(built: scenes.Built, error: IcyMoonError) -> None:
 
 
 def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
-    """Show a scene at full resolution as it was built ``of`` earlier settings, with what has changed since, and record
-    its warnings, in steps. ``_refine_next`` stops the steps if the scene is gone.
+    """Show, in steps, a scene at full resolution as it was built ``of`` earlier settings, then apply later changes and
+    record its warnings. ``_refine_next`` stops the steps if the scene was deleted.
 
     Raises IcyMoonError if the scene cannot be shown or was edited by hand.
     """
@@ -178,15 +178,15 @@ def _show_refined(scene_uid: int, of: Settings, job: jobs.Job) -> Steps[None]:
 
 
 def _read_marks(made: MadeObjects) -> Steps[keep_marks.Marks]:
-    """The marks of the meshes that were made, in steps: the first step of a slider asks for them, which may come as
-    soon as the ground is shown. Empty if a mesh was removed meanwhile, by *Purge Unused Data* for example."""
+    """Read the marks of the made meshes in steps, because a slider may need them as soon as the ground is shown. Empty
+    if a mesh was removed meanwhile, for example by *Purge Unused Data*."""
     with suppress(ReferenceError):
         return (yield from keep_marks.read_marks_in_steps(list_meshes_of(made.objects)))
     return {}
 
 
 def _find_unedited(scene_uid: int) -> Steps[scenes.Built]:
-    """The built scene, in steps. Raises IcyMoonError if it was edited by hand."""
+    """Find the built scene in steps. Raises IcyMoonError if it was edited by hand."""
     scene = find_scene(scene_uid)
     built = scenes.find_built(scene) if scene is not None else None
     if built is None or built.terrain.mode != "OBJECT" or (yield from built.find_edited_parts()):
@@ -213,14 +213,14 @@ def _note_change() -> None:
 
 
 def _stop_placing() -> None:
-    """Remove what was read of the fine scene, before undo reads the file anew."""
+    """Stop taking over the fine scene, and remove its objects, before undo reads the file anew."""
     if session.placing is not None:
         session.placing.stop()
         session.placing = None
 
 
 def _resume_refining() -> None:
-    """Undo, redo and opening a file may show a coarse ground again."""
+    """Start refining again, because undo, redo or opening a file may show a coarse ground."""
     _note_change()
     if not bpy.app.background:
         start_refining()

@@ -1,4 +1,4 @@
-"""Render Stereo Pair."""
+"""Render Stereo Pair: bring the scene up to date, and render its pairs in a separate process."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ from .window_areas import find_scene, pause_rendered_views, push_undo
 
 
 def find_dataset_folder(settings: Settings) -> Path:
-    """The absolute path of the data set folder that the settings name."""
+    """Return the absolute path of the data set folder that the settings name."""
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
     return resolve_dataset_folder(str(settings.dataset.folder), saved)
 
 
 def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
-    """The built scene, after it is built again if it does not show the settings.
+    """Return the built scene, after building it again if it does not show the settings.
 
     Objects that the user added stay. Raises IcyMoonError if building again would, or might, overwrite edits by hand.
     """
@@ -67,17 +67,18 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
         )
     if by_hand:
         raise IcyMoonError(
-            f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
-            "to build it again, or set it back to keep your edits."
+            f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene to build it "
+            "again, or set the setting back to keep your edits."
         )
     return _build_anew(scene, settings)
 
 
 def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Built | None]:
-    """The built scene that is rendered as the user edited it; None if another process builds it from its settings.
+    """Return, in steps, the built scene if it must be rendered as the user edited it, else None.
 
-    The window must not wait for that process. It shows coarse ground, unless it shows the settings already, and the
-    fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
+    If None, another process builds the scene from its settings, and the window must not wait for that process. If the
+    window does not show the settings already, it shows coarse ground, and the fine ground follows. Ground from a file
+    stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
     edited = yield from settle(partial(find_whether_edited, scene_uid))
     scene = require_scene(scene_uid)
@@ -93,13 +94,14 @@ def show_rendered_scene(scene_uid: int, settings: Settings) -> Steps[scenes.Buil
 
 
 def find_whether_edited(scene_uid: int) -> Steps[bool]:
-    """Whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be detected."""
+    """Return, in steps, whether a scene was built and then edited by hand. Raises IcyMoonError if edits cannot be
+    detected."""
     built = _find_traceable(require_scene(scene_uid))
     return built is not None and (yield from built.is_edited_in_steps())
 
 
 def require_scene(scene_uid: int) -> bpy.types.Scene:
-    """The scene with this ``session_uid``. Raises IcyMoonError if it was deleted."""
+    """Return the scene with this ``session_uid``. Raises IcyMoonError if it was deleted."""
     scene = find_scene(scene_uid)
     if scene is None:
         raise IcyMoonError("The scene was deleted meanwhile; choose another scene, and start again.")
@@ -107,14 +109,15 @@ def require_scene(scene_uid: int) -> bpy.types.Scene:
 
 
 def _build_coarse_anew(scene_uid: int, settings: Settings) -> Steps[None]:
-    """Build a scene with coarse ground in steps. What the user changes meanwhile is shown afterwards."""
+    """Build a scene with coarse ground in steps. Settings that the user changes meanwhile are shown afterwards."""
     session.stop_building()
     scene, made = yield from make_for_scene(scene_uid, settings)
     _build_anew(scene, settings, partial(put_in_scene, made=made))
 
 
 def _find_traceable(scene: bpy.types.Scene) -> scenes.Built | None:
-    """The built scene, apart from the user's copies of it. Raises IcyMoonError if edits by hand cannot be detected."""
+    """Return the built scene, separated from the user's copies of it, or None. Raises IcyMoonError if edits by hand
+    cannot be detected."""
     built = scenes.find_built(scene)
     if built is None:
         return None
@@ -142,12 +145,12 @@ def _build_anew(
 
 
 def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
-    """The pairs that Render Stereo Pair would render of a scene now."""
+    """Plan the pairs that Render Stereo Pair would render from a scene now."""
     return finish(plan_pairs_in_steps(scene, settings))
 
 
 def plan_pairs_in_steps(scene: bpy.types.Scene, settings: Settings) -> Steps[list[PlannedPair]]:
-    """As ``plan_pairs``, in steps."""
+    """Plan pairs as ``plan_pairs`` does, in steps."""
     built = scenes.find_built(scene)
     if built is not None:
         scenes.separate_from_copies(built)
@@ -160,8 +163,11 @@ def plan_pairs_in_steps(scene: bpy.types.Scene, settings: Settings) -> Steps[lis
 
 
 def _save_copy(path: Path) -> None:
-    """Save a copy of the open file without a picture of it, which would draw the whole ground: 8 s of the
-    processor instead of 0.05 s for 1.8 million faces without a graphics card."""
+    """Save a copy of the open file without its preview picture.
+
+    Blender would draw the whole ground for the picture. For 1.8 million faces without a graphics card, this takes the
+    processor 8 s instead of 0.05 s.
+    """
     preferences = bpy.context.preferences
     before = preferences.filepaths.file_preview_type, preferences.is_dirty
     preferences.filepaths.file_preview_type = "NONE"
@@ -172,15 +178,15 @@ def _save_copy(path: Path) -> None:
 
 
 def keep_speed_of_pair(folder: Path) -> None:
-    """Let later estimates rest on the time of a pair that was just rendered, if it shows the speed of this machine."""
+    """Store the speed of a pair that was just rendered, for later estimates, if it shows the speed of this machine."""
     with suppress(IcyMoonError):  # the pair is rendered, even if its time cannot be stored
         if speed := read_speed_of_pair(folder):
             keep_speed(speed)
 
 
 def explain_missing_denoiser(scene: bpy.types.Scene) -> str:
-    """A sentence that this Blender lacks the denoiser of a scene, with the fix; empty if it has it. Graphics cards are
-    not looked for, since panels ask at each redraw."""
+    """Explain that this Blender lacks the denoiser of a scene, with the fix; empty if it has it. Graphics cards are not
+    looked for, since panels ask at each redraw."""
     quality = scene_properties.read_for_display(scene.icymoon).quality
     return explain_unavailable_quality(quality, Abilities(compat.has_osl(), compat.has_oidn(), gpu=True))
 

@@ -1,4 +1,4 @@
-"""Rendering the pairs of Vary This Scene, and an estimate of their time and size."""
+"""Render the pairs of Vary This Scene, and estimate their time and size."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ _SAMPLED_PAIRS = 16
 
 
 def list_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences on the pairs of a scene's variations, their time and size, or on why they are impossible; computed once
-    per change."""
+    """Describe the pairs of a scene's variations, their time and size in sentences, or why they are impossible.
+    Computed once per change."""
     key = ("variations", scene.session_uid, recall_known_speed(str(scene.icymoon.quality.device)))
     return keep_until_change(key, lambda: _make_lines(scene))
 

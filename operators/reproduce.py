@@ -1,4 +1,4 @@
-"""The tables and figures of the GUISS paper, made again by a job."""
+"""Reproduce the tables and figures of the GUISS paper by a job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of the evaluator in Blender: metrics, error images and the files of both."""
+"""Results of the evaluator in Blender: metrics, error images and their files."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _REPORT_SHAPE = {
 _MAX_TEXT_CHARACTERS = 40
 #: Maximum number of characters of a note on the results, and of notes in the panel; the report has all notes.
 _MAX_NOTE_CHARACTERS, _MAX_NOTES = 400, 2
-#: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
+#: Settings of the data set that change the results of each scope, although they have the effect "run".
 _COUNT_TOO = {
     "DATASET": ("folder", "methods"),
     "SCENE": ("folder", "methods", "headings"),
@@ -77,7 +77,8 @@ class StoredResults:
     """The last evaluation of a scene: its time, scope, pairs and settings, a row of ``METRICS`` for each matcher, and
     notes on the limits of the results.
 
-    It comes from a .blend file, which anyone may have written: show it, but never open or run anything in it.
+    It comes from a .blend file, which anyone may have written: show it, but never open a file or run code that it
+    names.
     """
 
     made: str
@@ -87,14 +88,14 @@ class StoredResults:
     summary: tuple[dict[str, Any], ...]
     noise_doubt: float = 0.0  # smaller differences of wrong shares may be noise; 0 in results of older versions
     notes: tuple[str, ...] = ()
-    briefs: tuple[str, ...] = ()  # of the notes
+    briefs: tuple[str, ...] = ()  # the notes in brief
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
-    typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
+    typical_differences: tuple[str, ...] = ()  # between every two matchers, with intervals
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
-    """Store with a scene the evaluation that was just written to ``find_evaluation_folder`` these settings.
+    """Store with a scene the evaluation that was just written into ``find_evaluation_folder(settings, scope)``.
 
     ``pairs`` are the ids of its pairs, empty for a whole data set. Raises IcyMoonError if the report cannot be read.
     """
@@ -119,7 +120,7 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
 
 
 def read_stored_results(scene: bpy.types.Scene) -> StoredResults | None:
-    """The last evaluation of a scene; None if there was none, or if it cannot be read."""
+    """Read the last evaluation of a scene; None without an evaluation, or if it cannot be read."""
     return _parse_results(scene.icymoon.results)
 
 
@@ -147,7 +148,8 @@ def _parse_results(text: str) -> StoredResults | None:
 
 
 def _complete_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Complete a row of a summary with all entries of the panel, and the rank by ``RANKING_METRIC`` only.
+    """Complete a summary's row with all entries of the panel. Of the ranks, only the rank by ``RANKING_METRIC`` is
+    kept.
 
     A summary of an older version lacks ranks and the number of measured pixels.
     """
@@ -172,7 +174,7 @@ def _clean_text(text: str, longest: int = _MAX_TEXT_CHARACTERS) -> str:
 
 
 def find_evaluation_folder(settings: Settings, scope: str) -> Path:
-    """The folder for the evaluation of a scene ('SCENE') or a whole data set (another scope).
+    """Return the folder for the evaluation of a scene ('SCENE') or a whole data set (another scope).
 
     Raises IcyMoonError if the data set has no valid folder.
     """
@@ -184,7 +186,7 @@ def _name_folder(scope: str) -> str:
 
 
 def select_dataset(scene: bpy.types.Scene, settings: Settings, scope: str) -> Settings:
-    """The settings with the data set folder of a scope: the scene's own, or the one of its variations.
+    """Return the settings with the data set folder of a scope: the scene's own folder, or the folder of its variations.
 
     Raises IcyMoonError if there are no variations.
     """
@@ -192,19 +194,19 @@ def select_dataset(scene: bpy.types.Scene, settings: Settings, scope: str) -> Se
 
 
 def read_summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
-    """One row of metrics for each matcher of a scene's last evaluation; empty if there was none."""
+    """Read a row of metrics for each matcher of a scene's last evaluation; empty without an evaluation."""
     found = read_stored_results(scene)
     return list(found.summary) if found else []
 
 
 def list_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences on the limits of the results of a scene's last evaluation, the most important first."""
+    """List sentences on the limits of the results of a scene's last evaluation, the most important first."""
     found = read_stored_results(scene)
     return found.notes if found else ()
 
 
 def list_brief_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The limits of the results in brief; empty if an older version wrote the results."""
+    """List the limits of the results in brief; empty if an older version wrote the results."""
     found = read_stored_results(scene)
     return found.briefs if found else ()
 
@@ -216,19 +218,20 @@ def casts_doubt_on_results(scene: bpy.types.Scene, brief: str) -> bool:
 
 
 def list_rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
+    """List sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
     found = read_stored_results(scene)
     return found.rare_failures if found else ()
 
 
 def list_typical_differences(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences on how matchers differ in the typical scene, with intervals; empty if an older version wrote them."""
+    """List sentences on how matchers differ in the typical scene, with intervals; empty if an older version wrote the
+    results."""
     found = read_stored_results(scene)
     return found.typical_differences if found else ()
 
 
 def list_changed_settings(scene: bpy.types.Scene) -> list[str]:
-    """Labels of the settings that have changed since the last evaluation."""
+    """List the labels of the settings that have changed since the last evaluation."""
     return [describe_place(topic, s) for topic, s in _find_changed_settings(scene)]
 
 
@@ -245,9 +248,9 @@ def _find_changed_settings(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
 
 
 def _affects_results(topic: str, setting: Setting, scope: str) -> bool:
-    """Whether results of a scope depend on a setting.
+    """Return whether results of a scope depend on a setting.
 
-    Results of a data set do not depend on the settings for rendering, since its plan contains its own.
+    Results of a data set do not depend on the scene's settings for rendering, since its plan contains these settings.
     """
     if setting.effect == "run":
         return topic == "dataset" and setting.key in _COUNT_TOO.get(scope, ())
@@ -255,13 +258,13 @@ def _affects_results(topic: str, setting: Setting, scope: str) -> bool:
 
 
 def list_notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on a scene's last evaluation: its pairs and time, then which settings have changed since, if any."""
+    """List sentences on a scene's last evaluation: its pairs and time, then any settings that have changed since."""
     found = read_stored_results(scene)
     if found is None:
         return []
     subject = _describe_pairs(found.pairs, scene.icymoon.pairs.split())
     if found.scope != "SCENE":
-        count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
+        count = max((row.get("pairs", 0) for row in found.summary), default=0)  # older versions stored no count
         whole = "variations" if found.scope == last_variations.SCOPE else "data set"
         subject = f"Of the {whole}" + (f", {format_count(count, 'pair')}" if count else "")
     sentences = [f"{subject}; measured {found.made.replace('T', ' ')[:16]} UTC"]
@@ -286,7 +289,7 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
-    """The pairs of an evaluation in words, since the user does not know ids."""
+    """Describe the pairs of an evaluation in words, since the user does not know ids."""
     last, several = bool(pairs) and set(pairs) <= set(rendered_last), len(pairs) > 1
     if last:
         return f"Of the {format_count(len(pairs), 'pair')} rendered last" if several else "Of the pair rendered last"
@@ -313,7 +316,7 @@ def _read_creation_time(report: Mapping[str, Any]) -> str:
 
 
 def find_measured_dataset(scene: bpy.types.Scene) -> Path:
-    """The data set folder of a scene's last evaluation. Raises IcyMoonError if there was none."""
+    """Return the data set folder of a scene's last evaluation. Raises IcyMoonError if there is no evaluation."""
     own = typed({"dataset": {"folder": scene.icymoon.dataset.folder}})
     return find_dataset_folder(select_dataset(scene, own, _read_results(scene).scope))
 
@@ -326,7 +329,8 @@ def _read_results(scene: bpy.types.Scene) -> StoredResults:
 
 
 def find_report_folder(scene: bpy.types.Scene) -> Path:
-    """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
+    """Find the folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another
+    evaluation."""
     found = _read_results(scene)
     folder = find_measured_dataset(scene) / _name_folder(found.scope)
     if _clean_text(_read_creation_time(_read_report(folder))) != found.made:
@@ -335,7 +339,7 @@ def find_report_folder(scene: bpy.types.Scene) -> Path:
 
 
 def describe_result(row: Mapping[str, Any]) -> str:
-    """The result of a matcher in one sentence, from its row of a summary."""
+    """Describe the result of a matcher in a sentence, from its row of a summary."""
     method = describe_method(row["method"])
     if not row["n"]:
         return f"{method}: {NO_RESULT}"
@@ -347,17 +351,17 @@ def describe_result(row: Mapping[str, Any]) -> str:
 
 
 def read_noise_doubt(scene: bpy.types.Scene) -> float:
-    """The difference of the matchers' shares of wrong pixels that noise of the renders may make, by the last
+    """Read the difference between matchers' shares of wrong pixels that noise of the renders may cause, by the last
     evaluation."""
     found = read_stored_results(scene)
     return found.noise_doubt if found else 0.0
 
 
 def describe_verdict(rows: Sequence[Mapping[str, Any]], noise_doubt: float = 0.0) -> str:
-    """Which matcher has the fewest wrong pixels, and their share, in one line; ``rows`` as ``read_summary`` gives them.
+    """Name the matcher with the fewest wrong pixels, and their share, in one line. ``rows`` come from ``read_summary``.
 
-    It is called the best only where it is so by the report's comparison. The first two are too close to call where that
-    comparison leaves all ranks open, or where noise may make their difference, see ``read_noise_doubt``.
+    The matcher is called the best only if the report's comparison ranks it so. The first two matchers are too close to
+    call if this comparison leaves all ranks open, or if noise may make their difference, see ``read_noise_doubt``.
     """
     measured = [row for row in rows if row["n"]]
     if not measured:
@@ -376,34 +380,33 @@ def describe_verdict(rows: Sequence[Mapping[str, Any]], noise_doubt: float = 0.0
 
 
 def _compute_lead(first: Mapping[str, Any], second: Mapping[str, Any]) -> float:
-    """By how much the share of wrong pixels of a matcher is smaller than that of the next; infinite if the next has
-    none."""
+    """Return the next matcher's share of wrong pixels less the first matcher's; infinite if a share is missing."""
     shares = first["total_bad_1"], second["total_bad_1"]
     return math.inf if None in shares else float(shares[1] - shares[0])
 
 
 def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """``describe_result`` of each row, the best matcher last: the status bar shows the last report."""
+    """Describe each row by ``describe_result``, the best matcher last, because the status bar shows the last report."""
     return [describe_result(row) for row in sorted(rows, key=_sort_key, reverse=True)]
 
 
 def format_number(value: float | None, digits: int) -> str:
-    """A metric as text; a dash for a missing value."""
+    """Format a metric; a dash for a missing value."""
     return "–" if value is None else f"{value:.{digits}f}"
 
 
 def format_percent(value: float | None) -> str:
-    """A share in per cent; a dash for a missing value."""
+    """Format a share in per cent; a dash for a missing value."""
     return "–" if value is None else f"{100 * value:.1f} %"
 
 
 def format_metres(value: float | None) -> str:
-    """A length in metres to a millimetre; a dash without a unit if it is unknown."""
+    """Format a length in metres to a millimetre; a dash without a unit for a missing value."""
     return "–" if value is None else f"{value:.3f} m"
 
 
 def _find_files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
-    """(matcher, file) of each file of a kind that exists, from the best matcher to the worst."""
+    """Find (matcher, file) of each existing file of a kind, from the best matcher to the worst."""
     try:
         folder = find_report_folder(scene)
         report = _read_report(folder)
@@ -422,7 +425,7 @@ def _find_files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
 
 
 def find_curves(scene: bpy.types.Scene) -> dict[str, Path]:
-    """The charts of the last evaluation, error against setting, by varied setting (``topic.key``)."""
+    """Find the charts of the last evaluation, error against setting, by the varied setting (``topic.key``)."""
     try:
         folder = find_report_folder(scene)
         listed = _read_report(folder).get("curves", {})
@@ -436,43 +439,44 @@ def find_curves(scene: bpy.types.Scene) -> dict[str, Path]:
 
 
 def find_disparity_files(scene: bpy.types.Scene, method: str) -> dict[str, Path]:
-    """The stored disparities of a matcher, by the id of the pair."""
+    """Find the stored disparities of a matcher, by the id of the pair."""
     return {path.parent.name: path for name, path in _find_files(scene, "disparity") if name == method}
 
 
 def list_methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
-    """The matchers whose errors can be painted, from the best to the worst."""
+    """List the matchers whose errors can be painted, from the best to the worst."""
     return list(dict.fromkeys(method for method, _ in _find_files(scene, "disparity")))
 
 
 def find_error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
-    """Existing error images of the last evaluation: of ``method`` first, then from the best matcher to the worst."""
+    """Find the existing error images of the last evaluation: images of ``method`` first, then the others from the best
+    matcher to the worst."""
     found = sorted(_find_files(scene, "error"), key=lambda each: each[0] != method)
     return [path for _, path in found]
 
 
 def list_methods_with_error_images(scene: bpy.types.Scene) -> set[str]:
-    """The matchers that have an error image."""
+    """Return the matchers that have an error image."""
     return {method for method, _ in _find_files(scene, "error")}
 
 
 def find_depth_images(scene: bpy.types.Scene) -> list[Path]:
-    """The measured depth images of the last evaluation that exist, from the best matcher to the worst."""
+    """Find the existing depth images of the last evaluation, from the best matcher to the worst."""
     return [path for _, path in _find_files(scene, "depth")]
 
 
 def find_point_files(scene: bpy.types.Scene, method: str) -> list[Path]:
-    """The measured surfaces of a matcher, one for each evaluated pair."""
+    """Find the measured surfaces of a matcher, one for each evaluated pair."""
     return [path for name, path in _find_files(scene, "points") if name == method]
 
 
 def list_methods_with_points(scene: bpy.types.Scene) -> list[str]:
-    """The matchers whose measured surface can be shown, from the best to the worst."""
+    """List the matchers whose measured surface can be shown, from the best to the worst."""
     return list(dict.fromkeys(method for method, _ in _find_files(scene, "points")))
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
-    """``show_images`` for the error images, ``method`` first, and for depth and confidence if there are any."""
+    """Show, by ``show_images``, the error images, with ``method`` first, and then any depth and confidence images."""
     errors, confidences = find_error_images(context.scene, method), _find_files(context.scene, "confidence")
     names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
     names |= {path: f"Depth of {describe_method(name)}" for name, path in _find_files(context.scene, "depth")}
@@ -487,10 +491,11 @@ def show_images(
     names: Mapping[Path, str] | None = None,
     note: Callable[[bpy.types.Image], None] | None = None,
 ) -> bool:
-    """Load images and show the first in an Image Editor, as an undo step; False if there is no Image Editor.
+    """Load images and show the first in an Image Editor, as an undo step. Returns False if no editor shows or will show
+    it.
 
-    For ``open_window`` see ``image_editor.show_in_editor``. ``names`` are names of images in the editor, in place of
-    the names of their files. ``note`` is called with each loaded image.
+    For ``open_window`` see ``image_editor.show_in_editor``. ``names`` gives images other names in the editor than their
+    files have. ``note`` is called with each loaded image.
     """
 
     def show(area: bpy.types.Area) -> None:
@@ -508,7 +513,7 @@ def show_images(
 
 
 def explain_missing_results(scene: bpy.types.Scene) -> str:
-    """Why the files of a scene's last evaluation cannot be shown; empty if they can."""
+    """Explain why the files of a scene's last evaluation cannot be shown; empty if they can be shown."""
     if read_stored_results(scene) is None:
         return "This scene has not been evaluated yet"
     try:

@@ -1,6 +1,4 @@
-"""The state of the window for the open file: jobs, the shown pair, the first picture, and views before their
-changes.
-"""
+"""The state of the window for the open file: jobs, the shown pair, the first picture, and earlier states of views."""
 
 from __future__ import annotations
 
@@ -25,19 +23,20 @@ SIDES: tuple[int, ...] = (97, 129, 193, 257)
 
 @dataclass
 class ShownPair:
-    """The pair and the view that the picture in the Image Editor shows."""
+    """The pair and the view that the Image Editor shows."""
 
     folder: Path
-    made_of: tuple[Any, ...]  # the sources of its development
+    made_of: tuple[Any, ...]  # the folder, time and response from which it was developed
     views: PairViews
     view: str
-    turn: int = 0  # which of a view's pictures
+    turn: int = 0  # index of the shown picture of the view
 
 
 @dataclass(frozen=True)
 class Exported:
-    """The last export of a scene's source: its folder, empty if it failed, and sentences on what was left out or went
-    wrong; which folders it was of, with which settings, and the title of its format."""
+    """The last export of a scene's source. It has a folder, empty if the export failed, and sentences on omitted files
+    and errors. ``paths`` and ``settings`` are the exported folders and the settings then; ``title`` is the format's
+    title."""
 
     folder: str
     sentences: tuple[str, ...]
@@ -52,7 +51,7 @@ class Session:
 
     job: Job | None = None  # the job that the sidebar shows
     ended: str = ""  # how the last such job or build ended
-    remains: str = ""  # what it left, if it was stopped
+    remains: str = ""  # the things that it left, if it was stopped
     ended_in: int = 0  # ``session_uid`` of the scene of that job; 0 for every scene
     reading: Job | None = None  # reads the pair that is shown next
     shown: ShownPair | None = None
@@ -69,7 +68,7 @@ class Session:
     to_recolour: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose errors will be coloured
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
-    shown_seconds: int = 0  # for which the sidebar says that ground has been built
+    shown_seconds: int = 0  # seconds of building that ground, as the sidebar shows them
     marking: WorkInPieces | None = None  # reads the marks of the scene's meshes
     placing: WorkInPieces | None = None  # shows the scene with that ground
     changes: int = 0  # number of changes of the file that Blender has announced
@@ -81,7 +80,7 @@ class Session:
     preview_side: int = SIDES[0]  # coarse at first, since the first step of a slider also replaces the built ground
     #: Addresses of the areas that showed the pair before an undo, which may remove its picture.
     pair_areas: list[int] = field(default_factory=list)
-    #: When the mouse button was pressed that holds a field, in seconds of ``time.monotonic``; None if it is up.
+    #: Time at which the mouse button that holds a field was pressed, s of ``time.monotonic``; None if it is up.
     pressed_s: float | None = None
     to_show: list[Any] = field(default_factory=list)  # the functions that wait for a new Image Editor
     settings_before_undo: dict[int, Settings] = field(default_factory=dict)  # by ``session_uid`` of the scene
@@ -89,7 +88,7 @@ class Session:
     #: The clock's and the processor's seconds when the load of this Blender was measured last.
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))
     views_before: dict[int, dict[str, Any]] = field(default_factory=dict)  # 3D Views before they showed a built scene
-    views_left: set[tuple[int, int]] = field(default_factory=set)  # views that a built scene left, and its session_uid
+    views_left: set[tuple[int, int]] = field(default_factory=set)  # views that left a built scene, and its session_uid
     shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # by 3D View, before it showed colours
     #: The views that no longer show colours, because undo or a button removed the errors, and whether they had Solid
     #: shading.
@@ -116,26 +115,26 @@ class Session:
             redraw_panels()
 
     def note_end(self, job: Job, outcome: str = "") -> None:
-        """Note for the sidebar how a job or a build has ended, by default as the job states it."""
+        """Note for the sidebar how a job or a build has ended, by default by the job's ``outcome``."""
         self.ended, self.ended_in = f"{job.title}: {outcome or job.outcome}", job.scene_uid
         self.remains = "" if outcome else job.remains
 
     def note_failure(self, title: str, scene_uid: int) -> None:
-        """Note for the sidebar that something failed before its job began."""
+        """Note for the sidebar that an operator failed before its job began."""
         self.ended, self.ended_in, self.remains = f"{title}: failed", scene_uid, ""
 
     def find_end(self, scene: bpy.types.Scene) -> str:
-        """How the last job of a scene ended, if no job of another scene has ended since; otherwise empty."""
+        """Return how the last job of a scene ended; empty if a job of another scene has ended since."""
         return self.ended if self.ended_in in (0, scene.session_uid) else ""
 
     def stop_building(self) -> None:
-        """Stop the build that runs piece by piece, before anything that would be wrong beside it."""
+        """Stop the build that runs piece by piece, before work that must not run beside it."""
         if self.building is not None:
             self.building.close()
             self.building = None
 
     def stop_painting(self) -> None:
-        """Stop to paint decisions."""
+        """Stop painting decisions."""
         if self.painting is not None:
             self.painting.close()
             self.painting = None

@@ -1,5 +1,5 @@
-"""Steps that read the scene while the user may change it: they begin anew after a change, so that what is read is the
-scene at one time."""
+"""Steps that read the scene while the user may change it. After a change they begin anew, so that all that they read is
+the scene at one time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from ..support.steps import Steps, finish
 from .session import session
 
 T = TypeVar("T")
-#: Readings in pieces that a change may interrupt; the next reading is at once. An animation that plays changes the
-#: scene in every turn.
+#: Maximum number of readings in pieces; after this number of interrupted readings, the scene is read at once. A playing
+#: animation changes the scene in every turn.
 _MAX_READINGS = 3
 
 
 def settle(read: Callable[[], Steps[T]]) -> Steps[T]:
-    """What ``read`` returns of a scene that does not change meanwhile. It must find the scene itself, since undo and
-    the user may remove data-blocks during a pause."""
+    """Return what ``read`` returns for a scene that does not change meanwhile.
+
+    ``read`` must find the scene itself, since undo and the user may remove data-blocks during a pause.
+    """
     for _ in range(_MAX_READINGS):
         changes = session.changes
         with suppress(ReferenceError):  # a data-block was removed

@@ -1,8 +1,7 @@
-"""Reports in the sidebar that nearly all of the camera's view is in shadow, and how to light it; and which object of
-the user encloses the camera.
+"""Warn in the sidebar if nearly all of the camera's view is in shadow, or if an object of the user encloses the camera.
 
-After a build or a change of the Sun, the ground or the camera, a thread traces some hundred rays against the ground
-that is built. There is no render.
+A note on a shadow tells how to light the view. After a build or a change of the Sun, the ground or the camera, a thread
+traces some hundred rays against the built ground, without a render.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ BRIEF = "View in shadow: see Light"
 
 
 def schedule_check(scene: bpy.types.Scene | None, effects: frozenset[str] = frozenset(_EFFECTS)) -> None:
-    """Trace the rays of a scene after ``REST_S`` without another change."""
+    """Schedule the tracing of a scene's rays ``REST_S`` after the last change."""
     if scene is not None and effects & _EFFECTS and has_window():
         session.to_trace.add(scene.session_uid)
         cancel_call(_trace_next)
@@ -61,7 +60,7 @@ def schedule_check(scene: bpy.types.Scene | None, effects: frozenset[str] = froz
 
 
 def describe_shadow(scene: bpy.types.Scene) -> str:
-    """A sentence on the shadow in the view of a built scene, with the fix; empty if the Sun lights the view or this is
+    """Describe the shadow in the view of a built scene, with the fix; empty if the Sun lights the view or this is
     unknown."""
     if scenes.find_collection(scene) is None:
         return ""
@@ -69,13 +68,13 @@ def describe_shadow(scene: bpy.types.Scene) -> str:
 
 
 def recall_lit_azimuth(scene: bpy.types.Scene) -> float | None:
-    """The azimuth of the Sun that ``describe_shadow`` names; None if it names none."""
+    """Return the azimuth of the Sun, deg, that ``describe_shadow`` names; None if it names none."""
     return session.shadow_notes.get(scene.session_uid, ("", None))[1] if describe_shadow(scene) else None
 
 
 def describe_enclosing(scene: bpy.types.Scene) -> str:
-    """A sentence on an object of the user that encloses the stereo camera and so makes the drawn view black; empty
-    without such an object."""
+    """Name an object of the user that encloses the stereo camera and so makes the drawn view black; empty without such
+    an object."""
     built = scenes.find_built(scene)
     if built is None:
         return ""
@@ -88,7 +87,7 @@ def describe_enclosing(scene: bpy.types.Scene) -> str:
 
 
 def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
-    """Return whether a world position is behind the nearest face of a mesh."""
+    """Return whether a world position is behind the nearest face of a mesh, and so inside it."""
     corners, at = np.array(item.bound_box), item.matrix_world.inverted_safe() @ place
     if not ((corners.min(axis=0) < np.array(at)) & (np.array(at) < corners.max(axis=0))).all():
         return False
@@ -99,8 +98,11 @@ def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
 
 
 def advise_on_shadow(settings: Settings, shares: Array) -> str:
-    """Describe ``shares`` (k,) of the view that are lit by the present Sun, then by Suns at azimuths in equal steps
-    from it. Empty if the Sun lights enough, or no ground is seen."""
+    """Advise how to light the view; empty if the Sun lights enough, or no ground is seen.
+
+    ``shares`` (k,) are the lit shares of the view: first for the present Sun, then for Suns at azimuths in equal steps
+    from it.
+    """
     if not shares[0] < MIN_LIT:  # NaN: no ground is seen
         return ""
     dark = f"{100 * (1 - shares[0]):.0f} % of the ground in view is in shadow;"
@@ -116,8 +118,9 @@ def advise_on_shadow(settings: Settings, shares: Array) -> str:
 
 
 def find_lit_azimuth(settings: Settings, shares: Array) -> float | None:
-    """The azimuth, whole degrees, at which the Sun lights most of a view that is in its shadow now; ``shares`` as in
-    ``advise_on_shadow``. None if the view is lit, if no azimuth lights it, or if the Sun has no azimuth to set."""
+    """Find the azimuth, in whole degrees, at which the Sun lights most of a view that is in shadow now. ``shares`` are
+    as in ``advise_on_shadow``. None if the view is lit, if no azimuth lights it, or if the Sun has no azimuth to
+    set."""
     if not shares[0] < MIN_LIT or shares.max() < MIN_LIT or settings.light.directions_from != "ANGLES":
         return None
     return round(settings.light.sun_azimuth_deg + 360.0 * int(shares.argmax()) / len(shares)) % 360.0
@@ -130,10 +133,10 @@ def list_suns(direction: Array) -> Array:
 
 
 def read_ground(built: scenes.Built) -> World:
-    """The triangles of the ground of a built scene."""
+    """Read the triangles of the ground of a built scene."""
     mesh = built.terrain.data
     corners, count = mesh_arrays.read_corners(mesh), len(mesh.polygons)
-    if built.settings.source.kind == "PROCEDURAL" and count:  # 25 ms of 3 million triangles; the general way takes 1 s
+    if built.settings.source.kind == "PROCEDURAL" and count:  # 25 ms for 3 million triangles; the general way takes 1 s
         faces = corners.reshape(count, -1)
         triangles = np.concatenate([faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)])
     else:
@@ -148,7 +151,7 @@ def read_ground(built: scenes.Built) -> World:
 
 
 def make_small_eye(built: scenes.Built, settings: Settings) -> Eye:
-    """The left eye of a built scene with few pixels."""
+    """Make the left eye of a built scene with few pixels."""
     camera = StereoCamera.from_settings(settings.rig)
     scale = _COLUMNS / camera.width_px
     matrix = np.array(built.camera.matrix_world, np.float64)
@@ -164,7 +167,7 @@ def make_small_eye(built: scenes.Built, settings: Settings) -> Eye:
 
 
 def measure_shares(world: World, eye: Eye, suns: Array, folders: Sequence[Path]) -> Array:
-    """The lit shares of ``measure_sunlit_shares``, in any thread; Embree may be in one of ``folders``. Raises
+    """Measure the lit shares by ``measure_sunlit_shares``, in any thread. Embree may be in one of ``folders``. Raises
     IcyMoonError without Embree."""
     tracer = open_tracer(world, folders)
     try:
@@ -174,7 +177,7 @@ def measure_shares(world: World, eye: Eye, suns: Array, folders: Sequence[Path])
 
 
 def _start(scene: bpy.types.Scene) -> jobs.Job | None:
-    """Start to trace the rays of a scene; None if there is nothing to trace or to warn of."""
+    """Start to trace the rays of a scene. Returns None if there is nothing to trace or to warn of."""
     built = scenes.find_built(scene)
     session.shadow_notes.pop(scene.session_uid, None)
     if built is None or built.terrain.mode != "OBJECT":
@@ -201,7 +204,7 @@ def _start(scene: bpy.types.Scene) -> jobs.Job | None:
 
 
 def _trace_next() -> float | None:
-    """Look at the running calculation, or start the next."""
+    """Check the running calculation, or start the next. Returns the seconds until the next call, None if none runs."""
     if session.tracing is not None:
         if session.tracing.poll():
             return jobs.INTERVAL_S

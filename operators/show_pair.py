@@ -1,10 +1,10 @@
 """Show Stereo Pair: the camera images of the rendered pair and its true depth, in an Image Editor.
 
-It needs no evaluator: a thread of Blender's own process reads and develops the pair in numpy and draws the picture, and
+It needs no evaluator. A thread of Blender's own process reads and develops the pair in numpy and draws the picture, and
 the window does not wait for it.
 
 The picture is a file in a temporary folder, which one image data-block shows. If a script set the pixels of the image
-instead, Blender would ask to save it at the end and would pack it into the .blend file.
+instead, Blender would ask the user at the end to save the image, and would pack it into the .blend file.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ VIEWS = (
 )
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
-#: The line without a pair. It fills the room that the lines about a pair will take.
+#: The line in place of the lines about a pair. It fills as much room.
 _NO_PAIR = "No pair is rendered; the exposure, the depth and warnings of a pair will be here"
 #: Seconds after the last change of a setting until the pair is developed again.
 REST_S = 0.3
 _FLICKER_S = 1 / 3
-#: Maximum seconds for which a field that is dragged or typed in puts off the window of a new pair.
+#: Maximum seconds by which a field that is dragged or typed in delays the window of a new pair.
 _MAX_HELD_S = 60.0
 
 
@@ -75,7 +75,7 @@ def _describe_origin(folder: Path, camera_response: Mapping[str, Mapping[str, An
 
 
 def find_pairs_to_show(scene: bpy.types.Scene) -> list[Path]:
-    """Existing folders of the pairs, then of the variations, that were rendered last from a scene."""
+    """Find the existing folders of the pairs, then of the variations, that were rendered last from a scene."""
     return list(dict.fromkeys([*find_kept_pairs(scene), *last_variations.find_pairs(scene)]))
 
 
@@ -88,12 +88,12 @@ def _find_pictures_folder() -> Path:
 
 
 def find_image() -> bpy.types.Image | None:
-    """The image that shows pairs; None without one."""
+    """Find the image that shows pairs; None without one."""
     return next((image for image in bpy.data.images if image.get(TAG) == ROLE and image.library is None), None)
 
 
 def _get_image() -> bpy.types.Image:
-    """The image that shows pairs, made from the written picture if there is none."""
+    """Return the image that shows pairs; if it does not exist, load it from the written picture."""
     image = find_image()
     if image is None:
         image = bpy.data.images.load(str(_find_pictures_folder() / "picture_0.png"))
@@ -103,7 +103,7 @@ def _get_image() -> bpy.types.Image:
 
 
 def _load_picture(image: bpy.types.Image, turn: int) -> None:
-    """Load the picture file of the present turn, left or right, into the image."""
+    """Load the picture file of a turn, 0 for the left and 1 for the right image, into the image."""
     image.filepath_raw = str(_find_pictures_folder() / f"picture_{turn}.png")
     image.reload()
     image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
@@ -112,13 +112,14 @@ def _load_picture(image: bpy.types.Image, turn: int) -> None:
 
 
 def _draw(read: Callable[[], PairViews], view: str) -> tuple[PairViews, list[bytes]]:
-    """The pair that ``read`` gives, and the files of a view's pictures, one or two; any thread may call this."""
+    """Return the pair that ``read`` returns, and the PNG files of a view's pictures, one or two. Any thread may call
+    this."""
     views = read()
     return views, [encode_png(picture, 0) for picture in views.pictures(view)]
 
 
 def _write_pictures(files: Sequence[bytes]) -> None:
-    """Write both pictures of a flicker view to ``picture_0.png`` and ``picture_1.png``. A single picture goes to both
+    """Write a view's one or two pictures to ``picture_0.png`` and ``picture_1.png``. A single picture goes to both
     files, since undo may restore either path."""
     for turn in (0, 1):
         path = _find_pictures_folder() / f"picture_{turn}.png"
@@ -127,8 +128,8 @@ def _write_pictures(files: Sequence[bytes]) -> None:
 
 
 def _show_view(now: ShownPair, files: Sequence[bytes], open_window: bool, raise_window: bool) -> None:
-    """Show the ``files`` of a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` an
-    editor that shows the image already comes to the front."""
+    """Show the ``files`` of a view in an Image Editor, see ``image_editor.show_in_editor``. With ``raise_window`` the
+    window of an editor that already shows the image comes to the front."""
     _write_pictures(files)
     new = find_image() is None
     image = _get_image()
@@ -149,7 +150,7 @@ def _show_view(now: ShownPair, files: Sequence[bytes], open_window: bool, raise_
 
 
 def _show_in(area: bpy.types.Area) -> None:
-    """Show the image in an editor, as a step of undo. The image may have been removed meanwhile."""
+    """Show the image in an editor, as an undo step, unless the image was removed meanwhile."""
     image = find_image()
     if image is None:
         return
@@ -168,7 +169,7 @@ def _note_areas() -> None:
 
 
 def _return_picture() -> None:
-    """Show the pair again in the areas that an undo has emptied: the picture is no part of the user's work."""
+    """Show the pair again in the areas that an undo has emptied, because the picture is no part of the user's work."""
     if session.shown is None:
         return
     for area in image_editor.find_empty_editors():
@@ -197,16 +198,15 @@ def _show_other_eye() -> float | None:
 
 
 class ShowsPair(WatchingOperator):
-    """Mix-in: an operator that shows a pair in an Image Editor, and reads and develops it in a thread."""
+    """Mix-in: an operator that reads and develops a pair in a thread, and shows it in an Image Editor."""
 
-    #: One of VIEWS, and whether the pair is shown without a request by the user: then in the view that is shown
-    #: already.
+    #: One of VIEWS; and whether the pair is shown without a request by the user, and then in the present view.
     view: str = VIEWS[0][0]
     automatic: bool = False
     _is_new = False  # whether the pair is read, not only drawn
 
     def find_folder(self, context: bpy.types.Context) -> Path:
-        """The folder of the pair to show. Raises IcyMoonError if there is no such pair."""
+        """Return the folder of the pair to show. Raises IcyMoonError if there is no such pair."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -217,7 +217,7 @@ class ShowsPair(WatchingOperator):
         return result
 
     def start(self, context: bpy.types.Context) -> Job:
-        """Read the pair, unless it is developed already, and draw the view. An earlier reading is given up."""
+        """Read the pair, unless it is developed already, and draw the view. A reading that still runs is cancelled."""
         if self.automatic and session.shown is not None:
             self.view = session.shown.view
         camera_response = select_response(scene_properties.read_settings(context.scene.icymoon))
@@ -234,7 +234,7 @@ class ShowsPair(WatchingOperator):
         return session.reading
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Show the pair. The view is exposed by a pair that was just read."""
+        """Show the pair. If it was just read, set the view's exposure by the pair."""
         assert self._job is not None
         session.reading = None
         views, files = self._job.result["value"]
@@ -244,15 +244,16 @@ class ShowsPair(WatchingOperator):
             view_exposure.expose_as_rendered(context.scene, self._folder, views.exposures_s)
 
     def look(self, context: bpy.types.Context) -> bool:
-        """Check the job. A window that the user has not asked for would take a field from under the mouse, so it waits
-        until the field is left."""
+        """Check the job. A window that the user has not asked for waits until a held field is left, since it would take
+        the field from under the mouse."""
         if super().look(context):
             return True
         held = self.automatic and session.pressed_s is not None
         return held and time.monotonic() - (session.pressed_s or 0.0) < _MAX_HELD_S
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
-        """Whether to open a window: after a render only if the user's preference for renders allows it."""
+        """Return whether to open a window. After a render this needs the permission of the user's preference for
+        renders."""
         return not self.automatic or context.preferences.view.render_display_type != "NONE"
 
 
@@ -295,18 +296,18 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         return found[min(self.number, len(found)) - 1]
 
 
-# ---- shown in panels
-# ---------------------------------------------------------------------------------------------------
+# ---- shown in panels ------------------------------------------------------------------------------------------------
 
 
 def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
-    """The shown pair and view; None if they belong to another scene."""
+    """Return the shown pair and view; None if they belong to another scene."""
     now = session.shown
     return now if now is not None and now.folder in find_pairs_to_show(scene) else None
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings. Without one, why."""
+    """List lines for the sidebar on the shown pair of a scene: exposure, depth and warnings. If no pair is shown, give
+    the reason."""
     now = find_shown_pair(scene)
     if now is None:
         return [_explain_why_not_shown(scene)]
@@ -314,7 +315,8 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
 
 
 def describe_picture(scene: bpy.types.Scene) -> str:
-    """Which pair of a scene the picture shows, and its lines; empty without one. A pressed button names the view."""
+    """Name the pair of a scene that the picture shows, with its lines; empty without one. The view is left out, because
+    its pressed button names it."""
     now = find_shown_pair(scene)
     if now is None:
         return ""
@@ -334,7 +336,7 @@ def _explain_why_not_shown(scene: bpy.types.Scene) -> str:
 
 
 def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Follow changes of the camera response."""
+    """Schedule the development of the shown pair after a change of the camera response."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
     cancel_call(_develop_shown_pair)
@@ -342,7 +344,7 @@ def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 
 def _develop_shown_pair() -> None:
-    """Develop the pair that is shown with the present response."""
+    """Develop the shown pair with the present response."""
     image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
     if shown is None or image is None or not image_editor.find_editors_showing(image):
         return

@@ -37,21 +37,22 @@ from ..support.files import absolute_path
 from ..support.number_text import show_rounded
 from ..support.printer import show_controls
 
-#: Disparity error, px, for which the depth error is given: the error of good matchers on textured ground.
+#: Disparity error, px, of good matchers on textured ground, for which the depth error is given.
 DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MAX_KEPT = 4
-_MAX_NAMED = 3  # settings that a sentence names
+_MAX_NAMED = 3  # maximum number of settings that a sentence names
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
-_WIDTH_PX, _SHORTEST_LINE = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
+#: Width of the sidebar as Blender opens it, and characters of a line of the narrowest sidebar.
+_WIDTH_PX, _SHORTEST_LINE = 280, 18
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _SETTING_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT_SUFFIX = re.compile(r" [(][^)]*[)]$")
-#: Settings that a panel of another name shows, with that name.
+#: Name of the panel that shows a setting, if it differs from the topic's name.
 _OTHER_PANELS = {("dataset", "methods"): "Evaluation"}
-#: Spaces where a line must not break, and their temporary replacement: between a number and its unit, before ▸, and
-#: after 'is'.
+#: Spaces at which a line must not break, and their temporary replacement. They are between a number and its unit,
+#: before ▸, and after 'is'.
 _FIXED_SPACE, _HELD_SPACE = (
     re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))| (?=▸)|(?<=\bis) "),
     "\u00a0",
@@ -75,7 +76,7 @@ def remember_answers(function: Callable[..., Found]) -> Callable[..., Found]:
 
 
 def replace_keys_by_labels(sentence: str) -> str:
-    """A sentence with labels instead of keys.
+    """Replace the keys in a sentence by labels.
 
     'quality.truth is DEPTH' becomes 'Quality and Speed ▸ Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
     beginning, such as 'rock_surface: ', becomes 'Rock Surface: '.
@@ -102,14 +103,14 @@ def describe_place(topic: str, setting: Setting) -> str:
 
 
 def name_settings(found: Sequence[tuple[str, Setting]]) -> str:
-    """The places of the first few of some settings (topic, setting), and the number of the others."""
+    """Name the places of the first few of the settings (topic, setting), and the number of the others."""
     names = ", ".join(describe_place(topic, setting) for topic, setting in found[:_MAX_NAMED])
     return f"{names} and {len(found) - _MAX_NAMED} more" if len(found) > _MAX_NAMED else names
 
 
 def describe_value(name: str, settings: Settings, panel: str = "") -> str:
-    """The value of a setting ``topic.key`` in words: 'Light ▸ Planet is off'; 'Planet is off' within the ``panel`` of
-    its topic."""
+    """Describe the value of a setting ``topic.key`` in words: 'Light ▸ Planet is off', or 'Planet is off' within the
+    ``panel`` of its topic."""
     topic, _, key = name.partition(".")
     setting, value = TOPICS[topic][key], settings[topic][key]
     plain = "off" if value is False else "on" if value is True else f"{value or 'empty'}"
@@ -119,12 +120,13 @@ def describe_value(name: str, settings: Settings, panel: str = "") -> str:
 
 
 def format_for_window(message: object) -> str:
-    """A message as an operator reports it: in the window with the labels of settings, headless with their keys."""
+    """Format a message for an operator's report: in the window with the labels of settings, without a window with their
+    keys."""
     return show_controls(str(message) if bpy.app.background else replace_keys_by_labels(str(message)))
 
 
 def measure_line_length() -> int:
-    """Number of characters that fit into a line of the drawn sidebar; ``LINE`` if no sidebar is drawn."""
+    """Return the number of characters that fit into a line of the drawn sidebar; ``LINE`` if no sidebar is drawn."""
     region = bpy.context.region
     if region is None or region.type != "UI":
         return LINE
@@ -134,7 +136,7 @@ def measure_line_length() -> int:
 def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
     """Wrap a text into lines that fit the sidebar, shorter beside an icon.
 
-    Later lines begin with ``hang``. If the first line is indented, they are indented a little more.
+    Later lines begin with ``hang``. If the first line is indented, the later lines are indented a little more.
     """
     width = measure_line_length()
     width -= (_ICON_CHARACTERS + (width < LINE)) * icon
@@ -150,14 +152,14 @@ def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
     return tuple(line.replace(_HELD_SPACE, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 
-#: Custom property of a scene: the file of a ground that was made of an object, and the name of the object.
+#: Custom property of a scene: the file of a ground that was made from an object, and the object's name.
 GROUND_OBJECT = "icymoon_ground_object"
 
 
 def describe_ground_file(scene: bpy.types.Scene) -> str:
     """Name the object or the file of a scene's ground; empty for other ground.
 
-    The file of an object has a name that follows from its content, so the object's name is kept with the scene.
+    An object's file is named after its content, so the object's name is kept with the scene.
     """
     source = scene.icymoon.source
     if source.kind not in ("MESH", "HEIGHT_MAP") or not source.file:
@@ -169,9 +171,8 @@ def describe_ground_file(scene: bpy.types.Scene) -> str:
 
 
 def list_omission_lines(settings: Settings) -> tuple[str, ...]:
-    """Sentences on the details that a render would omit, as in ``pair.json``; none on the planet if the sky cannot be
-    computed.
-    """
+    """List sentences on the details that a render would omit, as in ``pair.json``; none on the planet if the sky cannot
+    be computed."""
     try:
         lights = _compute_sky_facts(_list_sky_items(find_light(settings)), bpy.data.filepath)
     except IcyMoonError:
@@ -180,8 +181,8 @@ def list_omission_lines(settings: Settings) -> tuple[str, ...]:
 
 
 def find_light(settings: Settings) -> LightSettings:
-    """The light settings. If they ask for the sky over the site of a map that can be read, they are those of the site,
-    with azimuths from true north."""
+    """Return the light settings. For the sky over the site of a readable map, their place is the site's, and azimuths
+    are from true north."""
     if not uses_sky_of_site(settings):
         return settings.light
     found = _find_sky_place(tuple(settings.source.items()), settings.terrain.body_radius_m, bpy.data.filepath)
@@ -189,7 +190,7 @@ def find_light(settings: Settings) -> LightSettings:
 
 
 def _list_sky_items(light: LightSettings) -> tuple[tuple[str, Any], ...]:
-    """The settings on which the sky depends, as the key of a cache: all except the list of lamps."""
+    """Return the settings on which the sky depends, as the key of a cache: all except the list of lamps."""
     return tuple((key, value) for key, value in light.items() if key != "lamps")
 
 
@@ -210,12 +211,12 @@ def _find_sky_place(source: tuple[tuple[str, Any], ...], radius_m: float, blend:
 
 
 def list_sky_lines(light: LightSettings) -> tuple[str, ...]:
-    """Elevation, azimuth, apparent size and irradiance of Sun and planet; none if the sky cannot be computed."""
+    """List elevation, azimuth, apparent size and irradiance of Sun and planet; empty if the sky cannot be computed."""
     return _make_sky_lines(_list_sky_items(light), bpy.data.filepath)
 
 
 def find_sky_fault(light: LightSettings) -> str:
-    """Why the sky cannot be computed, in a sentence; empty if it can."""
+    """Explain in a sentence why the sky cannot be computed; empty if it can."""
     try:
         _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)
     except IcyMoonError as error:
@@ -224,12 +225,12 @@ def find_sky_fault(light: LightSettings) -> str:
 
 
 def list_rig_lines(rig: RigSettings) -> tuple[str, ...]:
-    """Field of view; then distance, sampling and depth error at the near edge, the middle and the far edge."""
+    """List the field of view, then distance, sampling and depth error at the near edge, the middle and the far edge."""
     return _make_rig_lines(tuple(rig.items()))
 
 
 def list_camera_notes(settings: Settings) -> tuple[str, ...]:
-    """Blur of the images and its effect on the truth, and the overscan that the distortion needs."""
+    """List the blur of the images and its effect on the truth, and the overscan that the distortion needs."""
     return _make_camera_notes(tuple(settings.rig.items()), tuple(settings.sensor.items()))
 
 
@@ -265,8 +266,8 @@ def _describe_overscan(needed: float | None, given: float) -> str:
 
 
 def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
-    """Irradiance in W/m² from Sun and planet on ground that is tilted toward the Sun by ``slope_deg``; 0 in the dark or
-    if the sky cannot be computed."""
+    """Compute the irradiance, W/m², from Sun and planet on ground that is tilted toward the Sun by ``slope_deg``. It is
+    0 in the dark, or if the sky cannot be computed."""
     try:
         found = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)
     except IcyMoonError:
@@ -278,7 +279,7 @@ def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> floa
 
 
 def find_sun(light: LightSettings) -> dict[str, Any] | None:
-    """The facts of the Sun as it lights the scene; None if the sky cannot be computed."""
+    """Return the facts of the Sun as it lights the scene; None if the sky cannot be computed."""
     try:
         found: dict[str, Any] = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)["sun"]
     except IcyMoonError:
@@ -287,8 +288,8 @@ def find_sun(light: LightSettings) -> dict[str, Any] | None:
 
 
 def compute_planetshine_wm2(light: LightSettings) -> float:
-    """Irradiance in W/m² from the planet on ground that faces it; 0 without a planet or if the sky cannot be
-    computed."""
+    """Compute the irradiance, W/m², from the planet on ground that faces it. It is 0 without a planet, or if the sky
+    cannot be computed."""
     try:
         planet = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)["planet"]
     except IcyMoonError:
@@ -298,7 +299,7 @@ def compute_planetshine_wm2(light: LightSettings) -> float:
 
 @lru_cache(maxsize=8)
 def _compute_sky_facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
-    """The facts of the sky, with the Sun as it lights the scene."""
+    """Compute the facts of the sky, with the Sun as it lights the scene."""
     described = LightSettings.from_values(light)
     found = describe_sky(compute_sky(described, str(Path(blend).parent) if blend else None))
     return {**found, "sun": sun_from_facts(found["sun"], described.directions_from).to_json()}
@@ -360,7 +361,8 @@ def _make_row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
 
 
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
-    """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
+    """List the qualities for the described scene, each with its seconds per pair on this machine; see
+    ``list_qualities``."""
     return _list_qualities(
         settings,
         ASSUMED_TRIANGLES,
@@ -373,18 +375,18 @@ _list_qualities = remember_answers(list_qualities)
 
 
 def describe_speed(settings: Settings) -> str:
-    """A text on the machine for which the seconds are estimated."""
+    """Name the machine for which the seconds are estimated."""
     speed = recall_known_speed(str(settings.quality.device))
     return f"Timed on {speed.basis}" if speed else "Timed on another machine"
 
 
 @lru_cache(maxsize=2)
 def recall_known_speed(device: str) -> Speed | None:
-    """The measured speed of this machine with this Blender, read once; None before it was measured."""
+    """Return the measured speed of this machine with this Blender, read once; None if it was not measured."""
     return recall_speed(device, bpy.app.version_string)
 
 
 def keep_speed(speed: Speed) -> None:
-    """Let all later estimates rest on a speed. Raises IcyMoonError if it cannot be stored."""
+    """Store a speed, on which all later estimates rest. Raises IcyMoonError if it cannot be stored."""
     remember_speed(speed)
     recall_known_speed.cache_clear()

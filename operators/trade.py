@@ -29,12 +29,12 @@ from .preferences import find_evaluator_python
 from .render import find_dataset_folder
 from .window_areas import find_scene
 
-#: Result of the last measurement or search as lines for the panel, by the name of the scene.
+#: Lines for the panel on the last measurement or search, by the name of the scene.
 last_results: dict[str, tuple[str, ...]] = {}
 
 
 def _find_folder(settings: Settings) -> Path:
-    """The folder of the measurements."""
+    """Return the folder of the measurements."""
     return find_dataset_folder(settings) / "trade"
 
 
@@ -68,7 +68,7 @@ def _start_measuring(context: bpy.types.Context, verb: str, title: str, *argumen
 
 
 class _MeasureDialog(DialogJobOperator):
-    """Mix-in: a job with a dialog for the scale of the images and the samples of the reference."""
+    """Mix-in: an operator with a job and a dialog for the scale of the images and the samples of the reference."""
 
     scale: bpy.props.FloatProperty(
         name="Image Scale",
@@ -113,7 +113,7 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
 
 
 def find_chart(scene: bpy.types.Scene) -> Path | None:
-    """The chart of the last comparison in a scene's data set folder; None without a comparison."""
+    """Find the chart of the last comparison in a scene's data set folder; None without a comparison."""
     try:
         path = _find_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}})) / "trade.png"
     except IcyMoonError:
@@ -176,7 +176,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the dialog, with only the tolerances that are used."""
+        """Draw the dialog, with only the tolerances in use."""
         layout: bpy.types.UILayout = self.layout
         layout.use_property_split = True
         layout.prop(self, "judged_by")

@@ -1,4 +1,4 @@
-"""Save Trajectory: the poses of an animated camera, for plans that follow them."""
+"""Save Trajectory: save the poses of an animated camera, for plans that follow them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from .operator_type import ExplainedOperator
 
 
 def _read_poses(scene: bpy.types.Scene) -> str:
-    """The pose of the scene's camera in each frame of its range, in a text of TUM's format; the present frame stays."""
+    """Read the pose of the scene's camera in each frame of its range, as text in TUM's format. The present frame is
+    restored."""
     camera, present, subframe = scene.camera, scene.frame_current, scene.frame_subframe
     rate = Decimal(scene.render.fps) / Decimal(repr(round(scene.render.fps_base, 6)))
     frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)

@@ -1,7 +1,7 @@
-"""Records the reports that this user's evaluator wrote. No other report is opened in the browser.
+"""Record the reports that this user's evaluator wrote; no other report is opened in the browser.
 
-A report is a web page, and a browser runs the scripts in it. A report in somebody else's data set looks the same, so
-the user's own reports are known by their checksums.
+A report is a web page, and a browser runs the scripts in it. A report in another person's data set looks the same, so
+the user's own reports are recognised by their checksums.
 """
 
 from __future__ import annotations
@@ -45,6 +45,6 @@ def remember_report(page: Path) -> None:
 
 
 def is_own_report(page: Path) -> bool:
-    """Whether a page equals a recorded page, byte for byte. Raises OSError if it cannot be read."""
+    """Return whether a page equals a recorded page, byte for byte. Raises OSError if it cannot be read."""
     checksum = hash_file(page)
     return checksum in _session or checksum in _read_checksums()

@@ -1,9 +1,9 @@
-"""Jobs whose operators get no more events from Blender: a timer looks at them instead, so that no job runs for ever.
+"""Check, by a timer, jobs whose operators get no more events from Blender, so that no job runs for ever.
 
 Blender drops a modal operator that raises an exception, without calling its ``cancel`` (seen in 4.3 and 5.2), so
-``WatchingOperator`` lets no exception out. The events of a timer continue through undo, redo, another workspace and a
-closed area, and Blender cancels the operators of a closed window or file. This timer is for faults that are not known
-yet.
+``WatchingOperator`` lets no exception out. The events of the operator's timer continue through undo, redo, another
+workspace and a closed area, and Blender cancels the operators of a closed window or file. The timer of this module is
+for faults that are not known yet.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from .sidebar_text import format_for_window
 from .window_areas import redraw_panels
 from .window_events import call_later, make_registration
 
-#: Seconds between two looks at all jobs.
+#: Seconds between two checks of all jobs.
 INTERVAL_S = 0.5
-#: Turns of the event loop without an event after which a job is unseen. A slow window has few turns, so its jobs
-#: are not taken for unseen.
+#: Number of timer turns without an event after which a job is unseen. A slow window has few turns, so its jobs do not
+#: count as unseen.
 MAX_TURNS = 20
 
 
 @dataclass
 class Watch:
-    """A running operator and its job. ``turns`` counts the passes of the event loop since its last event."""
+    """A running operator and its job. ``turns`` counts the timer's turns since the operator's last event."""
 
     operator: Any
     job: Job
@@ -37,7 +37,7 @@ class Watch:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the operator gets events."""
+        """Whether the operator still gets events."""
         return self.turns < MAX_TURNS
 
 
@@ -62,18 +62,18 @@ def close_job(job: Job) -> None:
 
 
 def is_freed(operator: Any) -> bool:
-    """Whether Blender has freed an operator, of which no property can be read any more."""
+    """Return whether Blender has freed an operator, so that none of its properties can be read."""
     try:
         operator.bl_idname  # noqa: B018
     except ReferenceError:
         return True
-    except AttributeError:  # it is no operator of Blender
+    except AttributeError:  # not an operator of Blender
         pass
     return False
 
 
 def _look_after_jobs() -> float | None:
-    """Look at the jobs whose operators get no events. The timer stops when no job runs."""
+    """Check the jobs whose operators get no events. The timer stops when no job runs."""
     _watches[:] = [each for each in _watches if not each.ended]
     for each in _watches[:]:
         each.turns += 1
@@ -83,7 +83,7 @@ def _look_after_jobs() -> float | None:
 
 
 def _look_instead(found: Watch) -> None:
-    """Look at a job as its operator would; close it with a sentence if the operator is gone."""
+    """Check a job as its operator would. If the operator is gone, close the job and report it."""
     windows = bpy.context.window_manager.windows
     if is_freed(found.operator) or not windows:
         found.ended = True
@@ -97,7 +97,7 @@ def _look_instead(found: Watch) -> None:
 
 
 def _show_sentence(sentence: str) -> None:
-    """Show a sentence in a window that no operator can report in."""
+    """Show a sentence in a window in which no operator can report."""
 
     def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
         menu.layout.label(text=format_for_window(sentence))
@@ -106,7 +106,7 @@ def _show_sentence(sentence: str) -> None:
 
 
 def _end_all() -> None:
-    """End the jobs, before Icy Moon is disabled or after another file was opened."""
+    """End all watched jobs, before Icy Moon is disabled or after another file was opened."""
     for each in _watches:
         if not each.ended:
             each.ended = True

@@ -41,7 +41,7 @@ _RENDERED_TYPES = (
     "LIGHT_PROBE",
     "EMPTY",
 )
-#: The setting that decides which looks exist, so it is restored first.
+#: This setting is restored first, because it decides which looks exist.
 _FIRST_RESTORED = "view_settings.view_transform"
 #: Maximum number of light paths per pixel of a 3D View. With Blender's 1024, a view without a graphics card would use
 #: all processors for minutes, and slow down the render of a pair.
@@ -54,7 +54,7 @@ _VALUE_TYPES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     """Make F12 render the image of a pair: by Cycles with the quality of the scene, without the user's other objects.
 
-    The function acts once after Clear Scene, so later choices of the user stay.
+    It acts only once after Clear Scene, so later choices of the user stay.
     """
     if NOTE in built.collection:
         return
@@ -62,13 +62,13 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     uses_osl = scene.cycles.shading_system
     exposure, gamma = scene.view_settings.exposure, scene.view_settings.gamma
     settings = built.settings
-    if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
+    if not compat.has_oidn():  # pairs are refused; F12 renders without denoiser, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
     cycles_settings.apply_quality(
         scene, settings.quality, int(settings.dataset.seed), through=are_rocks_clear(settings)
     )
     scene.cycles.shading_system = uses_osl
-    scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
+    scene.cycles.sampling_pattern = "AUTOMATIC"  # spreads a view's first light paths evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 would never end
         scene.cycles.preview_samples = _VIEW_SAMPLES
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
@@ -89,8 +89,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
 
 def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
     """Restore the settings that ``prepare_render`` changed, unless the user has changed them since. Call it before the
-    scene is cleared.
-    """
+    scene is cleared."""
     for item in [item for item in scene.objects if HIDDEN in item]:
         del item[HIDDEN]
         item.hide_render = False
@@ -104,7 +103,7 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
 
 
 def _read_values(scene: bpy.types.Scene) -> dict[str, Any]:
-    """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
+    """Read the numbers, ticks, choices and texts of the scene's render settings, by ``group.key``."""
     return {
         f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
         for group in ("render", "cycles", "view_settings")
@@ -116,4 +115,4 @@ def _read_values(scene: bpy.types.Scene) -> dict[str, Any]:
         and not getattr(prop, "is_enum_flag", False)
         and prop.identifier != "exposure"  # which follows the settings
         and (prop.identifier != "denoiser" or compat.has_oidn())
-    }  # else it has no choice, which Blender warns of
+    }  # without OIDN the denoiser has no choice, and reading it would make Blender warn

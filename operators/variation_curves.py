@@ -1,4 +1,4 @@
-"""The curves of the error against each setting that varies, in an Image Editor."""
+"""Show the curves of the error against each varied setting in an Image Editor."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from .operator_type import ExplainedOperator
 
 
 def sort_curves(scene: bpy.types.Scene) -> dict[str, Path]:
-    """The pictures of the error against each setting that varies in an evaluation. Settings in the list come first."""
+    """Return the pictures of the error against each varied setting of an evaluation, by setting. Settings in the list
+    come first."""
     curves = results.find_curves(scene)
     listed = [each.name for each in scene_properties.read_variations(scene.icymoon).varied]
     return {name: curves[name] for name in sorted(curves, key=lambda name: name not in listed)}
 
 
 def describe_curve(name: str) -> str:
-    """The name of a curve of the error against a setting."""
+    """Return the name of a curve of the error against a setting."""
     return f"Error against {find_label(name)}"
 
 

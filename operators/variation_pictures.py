@@ -1,4 +1,4 @@
-"""Small, rough pictures of the first and the last pair of Vary This Scene, made before the pairs are rendered."""
+"""Make small, rough pictures of the first and the last pair of Vary This Scene, before the pairs are rendered."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from .job_operators import JobOperator
 from .window_areas import ButtonPictures, redraw_panels
 from .window_events import keep_until_change
 
-#: Maximum number of columns or rows of a picture, and light paths per pixel, with and without a denoiser. The sidebar
-#: shows a picture only 100 px wide, so few columns are enough and leave time for more paths per pixel.
+#: Maximum number of columns or rows of a picture, and light paths per pixel, each with and without a denoiser. The
+#: sidebar shows a picture only 100 px wide, so few columns are enough and leave time for more paths per pixel.
 SIDE_PX, SAMPLES = (128, 96), (8, 48)
-#: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
+#: Minimum of ``quality.walk_px``: paths inside the snow that are shorter than a pixel cost four times the rest.
 _WALK_PX = 1.0
 #: Maximum number of scenes whose pictures of both ends are kept.
 _MAX_SCENES = 32
 #: Maximum number of vertices of the ground of a picture.
 _MAX_VERTICES = 20000
-_pictures = ButtonPictures()  # by the names in ``_made``
-_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
+_pictures = ButtonPictures()  # under the names in ``_made``
+_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the first and last pair, by the shown settings
 
 
 def make_rough_settings(settings: Settings) -> Settings:
-    """Settings for a fast picture of a pair: few pixels and light paths, a coarse ground and its largest rocks."""
+    """Make settings for a fast picture of a pair: few pixels and light paths, a coarse ground and its largest rocks."""
     rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
     size = 0 if denoises else 1
     share = min(1.0, SIDE_PX[size] / max(rig.width_px, rig.height_px))
@@ -77,7 +77,8 @@ def make_rough_settings(settings: Settings) -> Settings:
 
 
 def find_icons(scene: bpy.types.Scene) -> tuple[int, ...]:
-    """Icons of the first and the last pair as they would be rendered now; none if they have not been made."""
+    """Return the icons of the first and the last pair as they would be rendered now; empty if they have not been
+    made."""
     if not _made:
         return ()
     settings = scene_properties.read_for_display(scene.icymoon)
@@ -92,7 +93,7 @@ def _make_picture_key(scene: bpy.types.Scene, settings: Settings) -> str:
 
 
 def draw_icons(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
-    """Draw the pictures of the first and the last pair; whether there are any."""
+    """Draw the pictures of the first and the last pair. Returns whether pictures exist."""
     found = find_icons(scene)
     if not found:
         return False
@@ -149,7 +150,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
 
 
 class _PictureJob(jobs.Job):
-    """A job that gives no warnings: they would be about the coarse ground."""
+    """A job that gives no warnings, because they would be about the coarse ground."""
 
     def hear(self, message: Message) -> None:
         if message["type"] != "warning":

@@ -1,4 +1,4 @@
-"""The plan of the variations of a scene: whether it shows the scene, where it can be rendered, and its file."""
+"""The plan of a scene's variations: whether it shows the scene, where it can be rendered, and its file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from . import dialogs
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
-#: Maximum number of pairs whose ids are compared with an existing data set; the comparison takes a second.
+#: Maximum number of pairs whose ids are compared with an existing data set. The comparison takes a second.
 _MAX_COMPARED_PAIRS = 500
 _EDITED_MESSAGE = (
     "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
@@ -35,9 +35,9 @@ _EDITED_MESSAGE = (
 
 
 def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
-    """A sentence on why the pairs of a plan would not show the scene; empty if they would show it.
+    """Explain why the pairs of a plan would not show the scene; empty if they would.
 
-    Only a ``thorough`` look finds edits of built objects; it reads all meshes.
+    Only a ``thorough`` check finds edits of built objects; it reads all meshes.
     """
     collection = scenes.find_collection(scene)
     if collection is None:
@@ -59,9 +59,8 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
 
 
 def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
-    """The plan that varies a scene. Raises IcyMoonError for settings that cannot be combined, and for a scene edited by
-    hand.
-    """
+    """Make the text of the plan that varies a scene. Raises IcyMoonError for settings that cannot be combined, and for
+    a scene that was edited by hand."""
     if why := why_not_a_plan(scene, thorough=True):
         raise IcyMoonError(why)
     variations = scene_properties.read_variations(scene.icymoon)
@@ -71,7 +70,7 @@ def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
 
 
 def find_folder_fault(folder: Path, text: str) -> str:
-    """A sentence on why a plan cannot be rendered into a folder; empty if it can.
+    """Explain in a sentence why a plan cannot be rendered into a folder; empty if it can.
 
     A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
     pairs.
@@ -96,10 +95,8 @@ def find_folder_fault(folder: Path, text: str) -> str:
 
 
 def find_free_folder(folder: Path, text: str, title: str, last: Path | None = None) -> Path:
-    """A folder for the plan: beside the folder of the scene, and named after the varied settings.
-
-    It is the folder of the ``last`` variations, or the one of the scene, only if this plan continues the plan there.
-    """
+    """Find a folder for the plan. If this plan continues the plan in the folder of the ``last`` variations, or in the
+    scene's ``folder``, return that folder; else a folder beside the scene's, named after the varied settings."""
     stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
     beside = [folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
     begun = [each for each in (last, folder) if each is not None and os.path.lexists(each / PLAN)]

@@ -1,4 +1,4 @@
-"""The list of settings of Vary This Scene: its operators, and how its lines and values read."""
+"""The list of settings of Vary This Scene: its operators, and the texts of its lines and values."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from .list_editing import EditedList, MoveEntry, RemoveEntry
 from .operator_type import ExplainedOperator
 from .sidebar_text import format_for_window
 
-#: Number of values of a setting that the panel shows.
+#: Maximum number of values of a setting that the panel shows.
 _MAX_SHOWN_VALUES = 12
-#: Characters that a line of the list has room for.
+#: Maximum number of characters of a line of the list.
 _LIST_LINE = 29
 _UNIT_TEXTS = {"deg": "°", "1": ""}
 
@@ -38,7 +38,7 @@ def _find_setting(name: str) -> Setting:
 
 
 def find_unit(name: str) -> str:
-    """The unit of a setting as the sidebar shows it."""
+    """Return the unit of a setting as the sidebar shows it."""
     unit = _find_setting(name).unit
     return _UNIT_TEXTS.get(unit, unit)
 
@@ -51,7 +51,7 @@ _SETTING_ITEMS = [
 
 
 def find_setting_of_button(context: bpy.types.Context) -> str:
-    """The setting under the mouse when a context menu was opened; empty if it is not a setting of Icy Moon."""
+    """Return the setting under the mouse when a context menu was opened; empty if it is not a setting of Icy Moon."""
     prop, group = getattr(context, "button_prop", None), getattr(context, "button_pointer", None)
     topic = type(group).__name__.removeprefix("ICYMOON_PG_")
     if prop is None or topic not in TOPICS or prop.identifier not in {s.key for s in TOPICS[topic].settings}:
@@ -60,7 +60,7 @@ def find_setting_of_button(context: bpy.types.Context) -> str:
 
 
 def _list_choice_items(operator: bpy.types.Operator, _context: bpy.types.Context) -> list[tuple[str, str, str]]:
-    """The values of the choice that the dialog is about."""
+    """List the values of the choice that the dialog varies."""
     return list(_find_setting(operator.setting).choices) if operator.setting else []
 
 
@@ -93,7 +93,7 @@ class ICYMOON_OT_vary(_ValueFields, ExplainedOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """The tooltip, with the description of the setting if one is given."""
+        """Return the tooltip, with the description of the setting if one is given."""
         if not properties.is_property_set("setting"):
             return str(cls.__doc__)
         return (
@@ -139,8 +139,7 @@ class ICYMOON_OT_vary(_ValueFields, ExplainedOperator, bpy.types.Operator):
             self.layout.column().prop(self, "values")
 
     def _complete(self, root: bpy.types.PropertyGroup) -> None:
-        """Fill in the fields that the caller did not give: from the list, or else with values around the present
-        value."""
+        """Fill in the fields that the caller did not set: from the list, else with values around the present value."""
         there = next(
             (each for each in scene_properties.read_variations(root).varied if each.name == self.setting), None
         )
@@ -161,7 +160,7 @@ class ICYMOON_OT_vary(_ValueFields, ExplainedOperator, bpy.types.Operator):
 
 
 def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: str) -> None:
-    """Draw the ends, the number and the spacing of a varied number, or a sentence for a tick."""
+    """Draw the ends, the number and the spacing of a varied number; for a tick, a sentence."""
     setting, unit = _find_setting(name), find_unit(name)
     if setting.kind == "bool":
         layout.label(text="Off and on", icon="CHECKBOX_HLT")
@@ -179,7 +178,7 @@ def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: 
 
 @lru_cache(maxsize=256)
 def describe_varied(varied: VariedSetting) -> str:
-    """The text of a line of the list: the setting and its values."""
+    """Describe a varied setting and its values in a line of the list."""
     try:
         setting = check_varied(varied)
     except IcyMoonError:
@@ -199,7 +198,8 @@ def describe_varied(varied: VariedSetting) -> str:
 
 @lru_cache(maxsize=256)
 def describe_values(varied: VariedSetting) -> str:
-    """List the values of a setting that does not vary at random, up to the maximum count that the panel shows."""
+    """List the values of a number that does not vary at random, up to the number of values that the panel shows; else
+    empty."""
     try:
         if check_varied(varied).kind not in ("int", "float") or varied.spacing == "RANDOM":
             return ""

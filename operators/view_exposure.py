@@ -1,4 +1,4 @@
-"""Exposes the view as the camera response exposes a pair, so that the view is as bright as the pair's images.
+"""Expose the view as the camera response exposes a pair, so that the view is as bright as the pair's images.
 
 The images show numbers of the camera that are proportional to the light, as Blender's view transform *Raw* shows it.
 The exposure time of auto exposure depends on the image, so it is estimated until a pair was rendered.
@@ -32,7 +32,7 @@ from .window_events import make_registration
 
 #: View transform that shows light as the images of a camera do.
 TRANSFORM = "Raw"
-#: Properties of the built collection: the exposure that was set; the brightness of a pair as a share of the estimate.
+#: Properties of the built collection: the set exposure, and the brightness of a pair as a share of the estimate.
 EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
 #: Slope toward the Sun of the brightest hundredth of the ground, as a multiple of the mean square slope.
 _STEEPEST_FACTOR = 2.0
@@ -40,15 +40,16 @@ _STEEPEST_FACTOR = 2.0
 _WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
 #: Distance of the ground that lamps at the cameras make brightest, as a multiple of the height of the cameras.
 _GROUND_PER_HEIGHT = 1.5
-_MAX_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
+_MAX_EXPOSURE_STOPS = 10.0  # largest exposure of the view, up or down
 #: Light of ground that faces the planet, as a share of white, below which it is invisible: a step of 8 bits.
 _MIN_VISIBLE_SHARE = 1 / 255
 
 
 def estimate_white(settings: Settings, measured: float = 1.0) -> float:
-    """The radiance, W/(m² sr), that is white in the images; 0 if nothing is lit.
+    """Estimate the radiance, W/(m² sr), that is white in the images; 0 if nothing is lit.
 
-    With auto exposure it is estimated; ``measured`` is the radiance of a pair as a share of the estimate.
+    Without auto exposure the value is exact. With it, ``measured`` is the radiance of a pair as a share of the
+    estimate.
     """
     sensor = settings.sensor
     if not sensor.auto_exposure:
@@ -58,7 +59,7 @@ def estimate_white(settings: Settings, measured: float = 1.0) -> float:
 
 
 def _estimate_brightest(settings: Settings) -> float:
-    """Approximate radiance, W/(m² sr), of the ground's brightest hundredth."""
+    """Estimate the radiance, W/(m² sr), of the ground's brightest hundredth."""
     walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
     wm2 = sidebar_text.compute_brightness_wm2(
         sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST_FACTOR * settings.terrain.rms_slope_deg
@@ -108,27 +109,28 @@ def _find_planetshine(collection: bpy.types.Collection) -> list[bpy.types.Object
 
 
 def is_without_planetshine(scene: bpy.types.Scene) -> bool:
-    """Whether planetshine that is too faint to be seen is left out of the 3D Views."""
+    """Return whether 3D Views leave out planetshine because it is too faint to see."""
     collection = scenes.find_collection(scene)
     return collection is not None and any(lamp.hide_viewport for lamp in _find_planetshine(collection))
 
 
 def has_own_exposure(scene: bpy.types.Scene) -> bool:
-    """Whether the view still has the exposure that was set for it."""
+    """Return whether the view still has the exposure that Icy Moon set."""
     collection = scenes.find_collection(scene)
     stored = collection.get(EXPOSED) if collection is not None else None
     return isinstance(stored, float) and abs(stored - scene.view_settings.exposure) < 1e-4
 
 
 def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]) -> None:
-    """Expose the view as a rendered pair was, with auto exposure too; ``exposures_s`` are the times of the pair."""
+    """Expose the view as a rendered pair was, also with auto exposure. ``exposures_s`` are the pair's exposure times,
+    s."""
     built = scenes.find_built(scene)
     if built is None or len(exposures_s) != 1:
         return
     present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     try:
         settings = merged(read_pair(folder).settings, present)
-    except IcyMoonError:  # it is gone by now
+    except IcyMoonError:  # the pair was removed meanwhile
         return
     fixed = merged(settings, {"sensor": {"auto_exposure": False, "exposure_s": exposures_s[0]}})
     estimate = estimate_white(merged(settings, {"sensor": {"auto_exposure": True}}))
@@ -138,8 +140,8 @@ def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[
 
 
 def describe_exposure(scene: bpy.types.Scene) -> str:
-    """How the exposure of the view differs from the exposure of a pair: '' if it is equal, 'automatic' if it is equal
-    and follows the light, 'estimated', or 'other'."""
+    """Describe how the exposure of the view differs from a pair's exposure: '' if they are equal, 'automatic' if they
+    are equal and follow the light, 'estimated', or 'other'."""
     collection = scenes.find_collection(scene)
     if collection is None or not has_own_exposure(scene) or scene.view_settings.view_transform != TRANSFORM:
         return "other"

@@ -1,4 +1,4 @@
-"""The resolution of the lit view of a built scene: coarse first, so that the scene is soon seen, then the user's.
+"""Show the lit view of a built scene coarsely first, so that the scene is soon seen, then in the user's resolution.
 
 After its first picture, of an eighth of the columns, Cycles shows nothing new until a light path was traced for every
 pixel. On two processors without a graphics card this takes up to a minute. Meanwhile the pixels of the view are twice
@@ -19,11 +19,11 @@ from .session import session
 from .window_areas import find_scene, list_areas
 from .window_events import call_later, make_registration
 
-#: Screen pixels along a side of a pixel of the view.
+#: Side of a large pixel of the view, in screen pixels.
 _LARGE_PIXELS = "2"
-#: Property of the built collection: the user's choice of the pixel size, and the choice that replaced it.
+#: Property of the built collection: the pixel size that the user chose, and the size that replaced it.
 _CHOICE_PROPERTY = "icymoon_view_pixels"
-#: Seconds that the first picture with the user's pixels may take, in which only its coarse beginning is seen.
+#: Maximum seconds for the first picture with the user's pixels; until then only its coarse beginning is seen.
 _LONGEST_S = 2.0
 _INTERVAL_S = 1.0
 #: A view rests when Blender takes less than this share of one processor.
@@ -31,14 +31,15 @@ _RESTING_SHARE = 0.1
 
 
 def has_window() -> bool:
-    """Whether there is a view."""
+    """Return whether there is a view."""
     return not bpy.app.background
 
 
 def begin_coarse(scene: bpy.types.Scene) -> None:
     """Show the changes of a built scene with larger pixels first.
 
-    A choice that the user has made since the last time stays, and so does every choice if a graphics card renders.
+    A pixel size that the user has chosen since the last call stays, and any pixel size stays if a graphics card
+    renders.
     """
     collection = scenes.find_collection(scene)
     if collection is None or not has_window() or scene.cycles.device == "GPU":
@@ -57,7 +58,7 @@ def begin_coarse(scene: bpy.types.Scene) -> None:
 
 
 def restore_resolution(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Give the view the user's pixels back, unless the user has chosen others since."""
+    """Restore the user's pixel size of the view, unless the user has chosen another since."""
     users, ours = _read_noted_choices(collection)
     if ours and scene.render.preview_pixel_size == ours:
         with suppress(TypeError):  # the value is from a file, which anyone may have written
@@ -66,7 +67,7 @@ def restore_resolution(scene: bpy.types.Scene, collection: bpy.types.Collection)
 
 
 def is_coarse(scene: bpy.types.Scene) -> bool:
-    """Whether the view has larger pixels than the user has chosen."""
+    """Return whether the view has larger pixels than the user has chosen."""
     collection = scenes.find_collection(scene)
     return (
         collection is not None
@@ -76,13 +77,13 @@ def is_coarse(scene: bpy.types.Scene) -> bool:
 
 
 def _read_noted_choices(collection: bpy.types.Collection) -> tuple[str, str]:
-    """The user's choice and the choice that replaced it; empty if it was not replaced."""
+    """Read the user's pixel size and the size that replaced it; both empty if it was not replaced."""
     users, _, ours = str(collection.get(_CHOICE_PROPERTY, "")).partition(" ")
     return users, ours
 
 
 def _is_traced(scene: bpy.types.Scene) -> bool:
-    """Whether a 3D View shows the light of the scene."""
+    """Return whether a 3D View shows the light of the scene."""
     return any(
         window.scene == scene and area.spaces.active.shading.type == "RENDERED"
         for window, area in list_areas("VIEW_3D")
@@ -96,7 +97,7 @@ def _refine_resting_view() -> float | None:
     traced = [scene for scene in waiting if _is_traced(scene)]
     before, now = session.load_measured_s, (time.monotonic(), time.process_time())
     session.load_measured_s = now
-    if not traced:  # there is nothing to measure until there is such a view
+    if not traced:  # nothing can be measured before a view shows the light
         session.traced_since_s = time.monotonic()
         return _INTERVAL_S if waiting else None
     seconds, busy_s = (late - early for late, early in zip(now, before, strict=True))
@@ -123,14 +124,14 @@ def _note_settings() -> None:
 
 
 def _read_settings() -> dict[int, Settings]:
-    """The settings of built scenes, by ``session_uid``."""
+    """Read the settings of built scenes, by ``session_uid``."""
     scenes_with_build = [scene for scene in bpy.data.scenes if has_window() and scenes.find_collection(scene)]
     return {scene.session_uid: scene_properties.read_unchecked(scene.icymoon) for scene in scenes_with_build}
 
 
 def _follow_undo() -> None:
-    """Show what undo or redo has changed with larger pixels first: the exposure is the new one at once, and the old
-    picture is too bright or too dark with it until the next picture comes."""
+    """Show the changes of undo or redo with larger pixels first. The new exposure applies at once, so the old picture
+    is too bright or too dark until the next picture comes."""
     _resume_refining()
     before, session.settings_before_undo = session.settings_before_undo, {}
     for uid, settings in _read_settings().items():

@@ -1,4 +1,4 @@
-"""The window's areas, its redrawing and its undo, and pictures that buttons show."""
+"""Areas, redrawing and undo of the window, and pictures for buttons."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import bpy.utils.previews
 
 
 def find_scene(uid: int) -> bpy.types.Scene | None:
-    """Find the scene with a ``session_uid``; None if it no longer exists. The user may rename or delete a scene, and
-    undo moves it in memory."""
+    """Find the scene with a ``session_uid``; None if it no longer exists. Names and addresses do not hold: the user may
+    rename or delete a scene, and undo moves it in memory."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
 def list_areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """All areas of a kind, such as VIEW_3D, with their windows."""
+    """Iterate over all areas of a kind, such as VIEW_3D, with their windows."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == kind:
@@ -25,7 +25,7 @@ def list_areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
 
 
 def override_area(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.ContextTempOverride:
-    """A context in which operators run in an area."""
+    """Return a context in which operators run in an area."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     return bpy.context.temp_override(window=window, area=area, region=region)
 
@@ -37,7 +37,8 @@ def redraw(kind: str) -> None:
 
 
 def redraw_panels() -> None:
-    """Redraw sidebars, status bar and preferences, which show the job. Views are left alone: they may take seconds."""
+    """Redraw sidebars, status bar and preferences, which show the job. Views are left alone, because they may take
+    seconds."""
     for window in bpy.context.window_manager.windows:
         window.workspace.status_text_set(None)  # redraws the status bar
     redraw_sidebars()
@@ -76,7 +77,7 @@ def pause_rendered_views() -> Iterator[None]:
 def push_undo(message: str) -> None:
     """Push an undo step after a change outside Blender's own steps.
 
-    Without it, undoing the previous step would revert this change too. Without a window, undo does not exist, and
+    Without this step, undoing the previous step would revert the change too. Without a window, undo does not exist, and
     nothing happens.
     """
     windows = bpy.context.window_manager.windows
@@ -94,7 +95,7 @@ def redo() -> None:
 
 
 class ButtonPictures:
-    """Pictures for buttons: a collection of Blender's, made at its first use."""
+    """Pictures for buttons, in a Blender collection that is made at its first use."""
 
     @cached_property
     def collection(self) -> bpy.utils.previews.ImagePreviewCollection:

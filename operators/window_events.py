@@ -1,6 +1,5 @@
-"""The events that the window follows: changes of settings, Blender's handlers and timers; and values that are cached
-until such an event.
-"""
+"""Follow the events of the window: changes of settings, Blender's handlers and timers; and cache values until such an
+event."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ def make_registration(
     end: Function | None = None,
     **handlers: Function,
 ) -> tuple[Callable[[], None], Callable[[], None]]:
-    """The functions ``register`` and ``unregister`` of a module that follows events.
+    """Make the functions ``register`` and ``unregister`` of a module that follows events.
 
     ``changes`` is a listener of changed settings. ``handlers`` are called at Blender's events of their names, such as
     ``load_pre``. ``unregister`` cancels the ``timers`` and then calls ``end``.
@@ -57,9 +56,8 @@ def _persistent(function: Function) -> Callable[..., None]:
 
 
 def call_later(function: Function, seconds: float = 0.0) -> None:
-    """Let Blender call a function after some seconds, and again after the seconds that it returns. Does nothing if the
-    call is scheduled already.
-    """
+    """Let Blender call a function after some seconds, and again after the seconds that it returns. Does nothing if a
+    call is scheduled already."""
     if not bpy.app.timers.is_registered(function):
         bpy.app.timers.register(function, first_interval=seconds)
 
@@ -71,8 +69,8 @@ def cancel_call(function: Function) -> None:
 
 
 def keep_until_change(key: Hashable, make: Callable[[], _T]) -> _T:
-    """Return the value of ``make``, called once for each ``key``. The value is cached until a setting changes, undo,
-    redo, or another file is opened."""
+    """Return the value of ``make``, called once for each ``key``. The value is cached until a setting changes, undo or
+    redo runs, or another file is opened."""
     if key not in _known:
         _known[key] = make()
     found: _T = _known[key]

@@ -11,9 +11,9 @@ from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 from ..support.steps import Outcome, Steps, advance, call
 
-#: Seconds between two looks at such work.
+#: Seconds between two turns of such work.
 PIECES_INTERVAL_S = 0.01
-#: Seconds of a turn of the event loop after which no further piece begins.
+#: No further piece begins after these seconds of a turn of the event loop.
 _BUDGET_S = 0.005
 
 
@@ -23,7 +23,8 @@ class WorkInPieces:
     left, returncode, cause = False, 0, ""
 
     def __init__(self, steps: Steps[Any], subject: str, reports: list[Message] | None = None) -> None:
-        """``subject`` is the thing that an error of the thread names. ``reports`` are messages that the thread adds."""
+        """Start to work. ``subject`` names the work in errors of the thread; the thread adds messages to
+        ``reports``."""
         self.cancelled = False
         self._reports = [] if reports is None else reports
         self._steps, self._subject, self._running = steps, subject, True
@@ -36,8 +37,8 @@ class WorkInPieces:
         return self._running
 
     def poll(self) -> list[Message]:
-        """Run the next steps, at least one, unless the thread is busy. Returns the reports, and at the end the
-        ``result`` with its ``value``, or an ``error``."""
+        """Run the next steps, at least one, unless the thread is busy. Returns the reports and, at the end, a
+        ``result`` with its ``value`` or an ``error``."""
         start, messages = time.perf_counter(), list[Message]()
         reported = [self._reports.pop(0) for _ in self._reports[:]]
         while self._running and not messages:
@@ -51,7 +52,7 @@ class WorkInPieces:
         return [*reported, *messages]
 
     def _step(self) -> list[Message]:
-        """Run the next step, and return the message of the end."""
+        """Run the next step. Returns the last message if the work has ended, else none."""
         try:
             work = advance(self._steps, self._outcome)
         except StopIteration as end:
@@ -66,11 +67,11 @@ class WorkInPieces:
         return []
 
     def cancel(self) -> None:
-        """Stop, and remove what was made; a thread runs to its end, and its value is dropped."""
+        """Stop the work, and remove the objects that it made. A thread runs to its end, and its value is dropped."""
         if self._running:
             self.cancelled, self._running = True, False
             self._steps.close()
 
     def stop(self) -> None:
-        """As ``cancel``."""
+        """Stop as ``cancel`` does."""
         self.cancel()

@@ -1,4 +1,4 @@
-"""The buttons that show decisions on the ground: a line for each matcher, and the meaning of the colours."""
+"""The buttons that show decisions on the ground, a line of buttons for each matcher, and the meaning of the colours."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .fields import draw_sentence
 
 
 def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw what the last decisions of a scene were, and a button for each map of each matcher that has decisions.
+    """Draw the last decisions of a scene, and a button for each map of each matcher that has decisions.
 
-    The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
-    a button from under the mouse.
+    The meanings of the colours follow below the buttons of the shown matcher: near the eye, and without moving a button
+    from under the mouse.
     """
     for sentence in session.decided.get(scene.session_uid, ()):
         draw_sentence(layout, sentence, "INFO")

@@ -1,6 +1,5 @@
-"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors; then the
-meanings of the names.
-"""
+"""The table of Stereo Error: for each matcher, its rank, its metrics and the buttons that show its errors. The meanings
+of the names are below."""
 
 from __future__ import annotations
 
@@ -16,17 +15,17 @@ from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC, format_rank, is_best
 from .fields import draw_lines, draw_sentence, draw_start
 
-#: Share of a line for the name of a metric.
+#: Share of a line that the name of a metric takes.
 _NAME_SHARE = 0.62
-#: What counts as wrong; it is drawn above the table.
+#: Definition of wrong pixels, drawn above the table.
 WRONG = "Wrong: off by over 1 px, or missing"
 
 
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it.
+    """Draw the matchers, fewest wrong pixels first. A star marks the best if the scenes allow a ranking.
 
-    The meaning of colours that the view shows is below the buttons of their matcher, where the user looks. The matchers
-    are not in boxes, because text in a box has too little contrast in the light theme.
+    The meanings of shown colours are below the buttons of their matcher, where the user looks. The matchers are not in
+    boxes, because text in a box has too little contrast in the light theme.
     """
     legends = _list_legends(scene)
     for row in rows:
@@ -41,12 +40,12 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
                 _draw_metric(column, name, value)
         _draw_buttons(column, scene, row["method"])
         _draw_legends(column, scene, legends.pop(describe_method(row["method"]), ()))
-    for lines in legends.values():  # of a matcher that the last evaluation does not have
+    for lines in legends.values():  # legends of matchers that are not in the last evaluation
         _draw_legends(layout.column(align=True), scene, lines)
 
 
 def _list_legends(scene: bpy.types.Scene) -> dict[str, tuple[tuple[str, str], ...]]:
-    """The lines of the legends of the painted errors and of the surface that are shown, by the matcher in words."""
+    """List the lines of the legends of the shown errors and surface, by the name of their matcher."""
     found: dict[str, tuple[tuple[str, str], ...]] = {}
     for shown in (painted_errors, measured_surface):
         if lines := shown.make_legend(scene):
@@ -56,7 +55,7 @@ def _list_legends(scene: bpy.types.Scene) -> dict[str, tuple[tuple[str, str], ..
 
 
 def _draw_legends(column: bpy.types.UILayout, scene: bpy.types.Scene, lines: Sequence[tuple[str, str]]) -> None:
-    """Draw the error that has the full colour, and the lines of a legend; nothing without lines."""
+    """Draw the error that has the full colour, and the lines of a legend; without lines, nothing."""
     if not lines:
         return
     column.prop(scene.icymoon, "error_range_m", slider=True)
@@ -65,7 +64,7 @@ def _draw_legends(column: bpy.types.UILayout, scene: bpy.types.Scene, lines: Seq
 
 
 def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw the meanings of the names in the table, and heavy failures in few pairs."""
+    """Draw the meanings of the names in the table, and sentences on typical differences and rare heavy failures."""
     draw_sentence(layout, "Metrics below Covered are of covered pixels.")
     draw_sentence(
         layout,
@@ -112,7 +111,7 @@ def _list_other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
-    """Draw a name, and its value at the right of the line, so that values below each other are aligned."""
+    """Draw a name, and its value at the right of the line, so that the values of all lines are aligned."""
     line = column.split(factor=_NAME_SHARE)
     line.label(text=name)
     right = line.row()
@@ -121,7 +120,7 @@ def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
 
 
 def _draw_buttons(column: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
-    """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
+    """Draw a button for each way to see the errors of a matcher. It is grey if the evaluation kept no file for it."""
     buttons = column.column(align=True)  # in one row, words with a verb would be cut
 
     def draw_part(methods: Collection[str]) -> bpy.types.UILayout:

@@ -16,14 +16,14 @@ _MAX_NAMES = 2
 
 
 def shorten_folder(folder: str) -> str:
-    """The last two names of a path, which fit into a line or two; the button below opens the folder."""
+    """Shorten a path to its last two names, which fit into a line or two. The button below opens the folder."""
     parts = Path(folder).parts
     return folder if len(parts) <= _MAX_NAMES + 1 else str(Path("…", *parts[-_MAX_NAMES:]))
 
 
 def draw_export(layout: bpy.types.UILayout, scene: bpy.types.Scene, source: str) -> None:
-    """Draw the button that exports pairs of a ``source`` of the operator, and the outcome of the last export of
-    them."""
+    """Draw the button that exports the pairs of ``source``, an option of the operator, and the outcome of their last
+    export."""
     row = layout.row()
     row.operator_context = "INVOKE_DEFAULT"
     draw_start(row, "icymoon.export_pairs", "Export…", "EXPORT", source=source)

@@ -1,4 +1,4 @@
-"""Draws settings from their table, one field each, with room for the label."""
+"""Draw settings from their table, one field each, with room for the label."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..settings.table import TOPICS
 from ..settings.topics.declaration import Section, Setting
 from ..settings.topics.scene import Settings
 
-#: Choices that the panel explains, by the first sentence of their tooltip.
+#: Settings whose present choice the panel explains by the first sentence of the choice's tooltip.
 _EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
-#: Characters that a number with its unit takes beside its label, and the margins of a choice, in a narrow sidebar.
+#: Characters, in a narrow sidebar, of a number with its unit beside its label, and of the margins of a choice.
 _VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
 #: Share of a line that the label of a text takes.
 _TEXT_LABEL_SHARE = 0.38
@@ -30,15 +30,15 @@ _MAX_REASONS, _MAX_DECIDING = 3, 2
 
 
 class _Field(NamedTuple):
-    """How to draw the field of a setting that the present choices use."""
+    """A setting that the present choices use, and how to draw its field."""
 
     setting: Setting
     has_effect: bool
-    meaning: str  # of the present choice; empty if it is not explained
+    meaning: str  # meaning of the present choice; empty if it is not explained
 
 
 class _Found:
-    """The cached fields of each section of the sidebar, and the settings that they belong to."""
+    """The cached fields of each section of the sidebar, and the settings for which they were found."""
 
     settings: Settings | None = None
     fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
@@ -46,7 +46,7 @@ class _Found:
 
 
 def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
-    """The settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
+    """Find the settings of a topic that the present choices use. ``root`` is ``Scene.icymoon``.
 
     The fields are found once for the same settings, since the window asks at every redraw.
     """
@@ -57,19 +57,19 @@ def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]
         _Found.reasons.clear()
     if (topic, keys) not in _Found.fields:
         _Found.fields[topic, keys] = tuple(
-            _describe(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
+            _describe_field(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
         )
     return _Found.fields[topic, keys]
 
 
 def explain_grey_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[str, ...]:
-    """Sentences on why some of the fields that ``find_fields`` finds are grey; empty if none is."""
+    """Explain in sentences why some of the fields from ``find_fields`` are grey; empty if no field is grey."""
     fields = find_fields(root, topic, keys)
     if (topic, keys) not in _Found.reasons:
         settings = scene_properties.read_for_display(root)
         grey = [each.setting.key for each in fields if not each.has_effect]
         found = list(dict.fromkeys(TOPICS[topic].list_obstacles(key, settings) or () for key in grey))
-        # What one setting decides need not be said again with another.
+        # A reason by one setting need not be repeated with a second setting.
         brief = [each for each in found if not any(set(other) < set(each) for other in found if other)]
         _Found.reasons[topic, keys] = tuple(_explain_grey(topic, each, settings) for each in brief[:_MAX_REASONS])
     return _Found.reasons[topic, keys]
@@ -83,16 +83,16 @@ def _explain_grey(topic: str, deciding: tuple[str, ...], settings: Settings) -> 
     return f"Grey while {', '.join(values)} and {more} more" if more else f"Grey while {' and '.join(values)}"
 
 
-def _describe(topic: str, key: str, settings: Settings) -> _Field:
+def _describe_field(topic: str, key: str, settings: Settings) -> _Field:
     setting, value = TOPICS[topic][key], settings[topic][key]
     meanings = (each[2] for each in setting.choices if each[0] == value and (topic, key) in _EXPLAINED_CHOICES)
     return _Field(setting, TOPICS[topic].has_effect(key, settings), next(meanings, "").partition(". ")[0])
 
 
 def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> None:
-    """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
+    """Draw the settings of a topic that the present choices use. ``root`` is ``Scene.icymoon``.
 
-    Why fields are grey follows below them, because fields must not move while the user drags one.
+    The reasons for grey fields follow below the fields, because fields must not move while the user drags one.
     """
     draw_fields(layout, root, topic, keys)
     for reason in explain_grey_fields(root, topic, keys):
@@ -100,7 +100,8 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
 
 
 def draw_fields(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> None:
-    """As ``draw_settings``, without the reasons for grey fields, where another text explains them."""
+    """Draw the settings as ``draw_settings`` does, but without the reasons for grey fields, for places where another
+    text gives them."""
     group = getattr(root, topic)
     for setting, acts, meaning in find_fields(root, topic, keys):
         row = layout.row()
@@ -116,8 +117,8 @@ def draw_fields(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic
 def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: object) -> None:
     """Draw the button of an operator that starts a job, with its properties; while a job runs, a grey button.
 
-    Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey
-    after the end of the job until the mouse leaves it. A button of another operator is a new one.
+    Blender keeps the button under the mouse as it was when the mouse came, so this button would stay grey after the job
+    until the mouse leaves it. So the grey button has another operator.
 
     If the sidebar is too narrow for icon and words, the button has only the words.
     """
@@ -133,8 +134,8 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
 def draw_lines(
     layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "", room_for: str = ""
 ) -> int:
-    """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
-    begins with ``hang``. Returns the number of lines.
+    """Draw lines of text, with an icon before the first. A text too long for the sidebar continues in the next line,
+    which begins with ``hang``. Returns the number of lines.
 
     The text takes at least as many lines as the text ``room_for``, so that fields below stay in place while the text
     changes.
@@ -151,20 +152,20 @@ def draw_lines(
 
 
 def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> int:
-    """Draw a sentence, with labels instead of keys, and return its number of lines; see ``draw_lines``."""
+    """Draw a sentence, with labels instead of keys. Returns its number of lines; see ``draw_lines``."""
     return draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
 
 
 def fill_room(layout: bpy.types.UILayout, drawn: int, texts: Iterable[str]) -> None:
-    """Draw empty lines below ``drawn`` lines, up to the lines that ``texts`` would take beside icons, so that fields
-    below stay in place while the lines change."""
+    """Draw empty lines below ``drawn`` lines, until there are as many lines as ``texts`` would take beside icons. So
+    fields below stay in place while the lines change."""
     for _ in range(sum(len(wrap_lines(text, icon=True)) for text in texts) - drawn):
         layout.label(text="")
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
-    """Draw a setting's field. The field is split if Blender would leave too little room for the label. In a narrow
-    sidebar, a label that would be cut gets a separate line."""
+    """Draw a setting's field. It is split if Blender would leave too little room for the label. In a narrow sidebar, a
+    label that would be cut gets a separate line."""
     label = find_shown_label(group, setting)
     if needs_label_line(setting, label):
         column = layout.column(align=True)
@@ -179,7 +180,8 @@ def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
 
 
 def _draw_value(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
-    """Draw the value of a setting without its label; names of node groups are chosen from those of the file."""
+    """Draw the value of a setting without its label. The name of a node group is chosen from the node groups of the
+    file."""
     if setting.key == "albedo_group":
         layout.prop_search(group, setting.key, bpy.data, "node_groups", text="")
     else:
@@ -187,15 +189,15 @@ def _draw_value(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, sett
 
 
 def find_shown_label(group: bpy.types.PropertyGroup, setting: Setting) -> str:
-    """The label of a setting with the meaning of 0 where it is 0."""
+    """Return the label of a setting, with the meaning of 0 if the value is 0."""
     if setting.zero and getattr(group, setting.key) == 0:
         return label_with_zero(setting)
     return setting.label
 
 
 def needs_label_line(setting: Setting, label: str) -> bool:
-    """Return whether a label needs a separate line, whatever a number's value is, since fields must not move while the
-    user drags it."""
+    """Return whether a label needs a separate line. For a number this does not depend on the value, since fields must
+    not move while the user drags it."""
     width = measure_line_length()
     if setting.kind == "text" and not setting.choices and len(label) > _TEXT_LABEL_SHARE * width:
         return True
@@ -208,20 +210,21 @@ def needs_label_line(setting: Setting, label: str) -> bool:
 
 
 def label_with_zero(setting: Setting) -> str:
-    """The label of a number that is 0, with the meaning of 0: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by …)'."""
+    """Return the label of a number that is 0, with the meaning of 0: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by
+    …)'."""
     if setting.label.endswith(")"):
         return f"{setting.label[:-1]}, 0: {setting.zero})"
     return f"{setting.label} (0: {setting.zero})"
 
 
 class RowsOfText:
-    """Mix-in: a UIList whose rows are a sentence on their entry, with a ``symbol``, the name of an icon."""
+    """Mix-in: a UIList each of whose rows is a sentence on an entry, with the icon named ``symbol``."""
 
     symbol: ClassVar[str]
 
     @staticmethod
     def describe(item: bpy.types.PropertyGroup) -> str:
-        """The sentence on an entry."""
+        """Describe an entry in a sentence."""
         raise NotImplementedError
 
     def draw_item(
@@ -247,8 +250,8 @@ def draw_list(
     add: str,
     verb: str,
 ) -> None:
-    """Draw a list of a group by a UIList, with buttons that ``add``, and that remove and move by operators that begin
-    with ``verb``."""
+    """Draw a list of a group by a UIList. Its buttons run the operator ``add``, and operators that begin with ``verb``
+    and remove or move an entry."""
     row = layout.row()
     row.template_list(kind, "", group, name, group, active, rows=3)
     buttons = row.column(align=True)
@@ -276,6 +279,7 @@ def _draw_list(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
 
 
 def list_entry_fields(setting: Setting, entry: object, section: Section | None) -> list[Setting]:
-    """The settings of a list's ``entry`` that its present choices use, in a ``section`` or outside all sections."""
+    """List the settings of a list's ``entry`` that its present choices use, in a ``section`` or outside all
+    sections."""
     scope = SimpleNamespace(entry=entry)
     return [each for each in setting.entries if each.section == section and each.shown(scope, "entry")]

@@ -1,4 +1,4 @@
-"""Find Setting: a field for typed words, and the settings and buttons that have these words, which work there."""
+"""Find Setting: show the settings and buttons that have the typed words, so that they can be used on the spot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .sidebar_buttons import Button, draw_button, find_buttons
 
 #: Property of the window manager for the typed words; it is not saved.
 TYPED = "icymoon_sought"
-#: Maximum number of settings that are drawn, and of buttons.
+#: Maximum numbers of drawn settings and buttons.
 MAX_FOUND, MAX_BUTTONS = 12, 4
 _POPUP_WIDTH_PX = 420
 #: (name, text, tooltip) of all settings for Blender's search, which follows the typing. Blender keeps no copy of them.
@@ -28,7 +28,7 @@ _ITEMS = [
 
 
 def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
-    """A text on why a setting has no effect with the present settings; empty if it has an effect."""
+    """Explain why a setting has no effect with the present settings; empty if it has an effect."""
     deciding = TOPICS[topic].list_obstacles(key, settings)
     if deciding is None:
         return ""
@@ -38,8 +38,8 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
 
 @remember_answers
 def sort_by_effect(typed: str, settings: Settings) -> list[tuple[str, str]]:
-    """The settings (topic, key) with the typed words: those that have an effect with the present settings, then the
-    others, each in their order. Those that have the words in their description only are last."""
+    """Sort the settings (topic, key) that have the typed words. Settings with an effect come first, then settings
+    without, each in their order; settings with the words only in their description come last."""
     near = find_near_settings(typed)
     return sorted(
         find_settings(typed),
@@ -48,7 +48,7 @@ def sort_by_effect(typed: str, settings: Settings) -> list[tuple[str, str]]:
 
 
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool:
-    """Draw the field for words to find, and return whether it has any."""
+    """Draw the field for words to find, and return whether words are typed."""
     row = layout.row(align=True)
     row.prop(context.window_manager, TYPED, text="", icon="VIEWZOOM", placeholder="Find Setting or Button")
     return bool(getattr(context.window_manager, TYPED).strip())
@@ -57,8 +57,8 @@ def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool:
 def draw_found(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings and buttons that have the words of the search.
 
-    Buttons that have them in their text or place are above the settings, and those with them in the tooltip below.
-    Settings without an effect are below those that act.
+    Buttons with the words in their text or place are above the settings, and buttons with the words in the tooltip
+    below. Settings without an effect are below settings that act.
     """
     root, typed = context.scene.icymoon, getattr(context.window_manager, TYPED)
     settings = scene_properties.read_for_display(root)
@@ -89,8 +89,8 @@ def _draw_found(
     settings: Settings,
     typed_at_once: bool = False,
 ) -> None:
-    """Draw a setting below the name of its panel, grey with the reason where it has no effect. In a popup, the keys
-    may be ``typed_at_once`` into its field."""
+    """Draw a setting below the name of its panel, grey with the reason if it has no effect. In a popup,
+    ``typed_at_once`` lets keys type into its field."""
     setting, reason = TOPICS[topic][key], explain_obstacle(topic, key, settings)
     place = describe_place(topic, setting).partition(" ▸ ")[0]
     whole = f"{place}   {topic}.{key}"
@@ -118,13 +118,13 @@ class ICYMOON_OT_find_setting(SearchDialog, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Search; or, with a setting, show its field."""
+        """Search for a setting; if one is given, show its field."""
         if self.properties.is_property_set(self.bl_property):
             return set(context.window_manager.invoke_popup(self, width=_POPUP_WIDTH_PX))
         return SearchDialog.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called with the setting that was found: show its field."""
+        """Show the field of the setting that was found."""
         if not bpy.app.background:
             bpy.ops.icymoon.find_setting("INVOKE_DEFAULT", setting=self.setting)
         return {"FINISHED"}

@@ -16,7 +16,7 @@ from ..settings.blender import scene_properties
 from ..settings.preset_files import PRESET_KINDS
 from .fields import draw_start
 
-#: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
+#: Width of the progress bar, in heights of a button. Blender's default width would cut its text.
 _BAR_UNITS = 15
 _ORIGINAL_DRAW = "_draw_orig"
 _MASK_OPERATORS = {"Paint": "icymoon.paint_mask", "Use": "icymoon.use_painted_mask", "Clear": "icymoon.clear_mask"}
@@ -26,7 +26,7 @@ _KIND_TITLES = {"own": "Yours", **PRESET_KINDS}
 
 
 def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
-    """(title, presets) of each kind of preset, the user's own first; each preset is (name, title)."""
+    """Group the presets by kind, as (title, presets), the user's own first. Each preset is (name, title)."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in list_preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
@@ -34,7 +34,7 @@ def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 class _KindMenu:
-    """Mix-in: the presets of one kind."""
+    """Mix-in: a menu of the presets of one kind."""
 
     kind: str
     layout: bpy.types.UILayout
@@ -57,7 +57,7 @@ class _KindMenu:
 
 
 def _find_lacks(scene: bpy.types.Scene) -> dict[str, str]:
-    """The sentences on the features that this Blender lacks, by the names of the qualities that need them."""
+    """Find the sentences on the features that this Blender lacks, by the names of the qualities that need them."""
     shown = sidebar_text.list_quality_presets(scene_properties.read_for_display(scene.icymoon))
     return {quality.name: quality.lacks for quality in shown if quality.lacks}
 
@@ -277,7 +277,7 @@ def _draw_meshes(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def _draw_status(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Draw the running job in the status bar, which is visible without the sidebar too."""
+    """Draw the running job in the status bar, which is also visible without the sidebar."""
     job = session.job
     if job is None:
         return
@@ -289,7 +289,7 @@ def _draw_status(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def _append_to_status_bar() -> None:
-    """Draw the running job in the status bar, in the session that installed the extension too.
+    """Draw the running job in the status bar, also in the session that installed the extension.
 
     At its first call ``WorkSpace.status_text_set`` stores the function that draws the status bar, and each later call
     restores this function. Blender calls it while it installs an extension, so a later addition would be lost.
@@ -336,7 +336,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove the menus and the status bar."""
+    """Remove the additions to the menus and to the status bar."""
     _remove_from_status_bar()
     bpy.types.ASSETBROWSER_MT_editor_menus.remove(_draw_assets)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)

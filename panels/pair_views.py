@@ -1,4 +1,4 @@
-"""The views of the rendered pair: below the main buttons, and in the header of the Image Editor that shows it."""
+"""The views of the rendered pair, below the main buttons and in the header of the Image Editor that shows the pair."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..operators.sidebar_text import measure_line_length
 from .exports import draw_export
 from .fields import draw_lines
 
-#: Buttons in a row, and in a row of a narrow sidebar, whose lines have fewer characters than this.
+#: Buttons in a row, buttons in a row of a narrow sidebar, and characters of a line below which it is narrow.
 _BUTTON_COLUMNS, _FEWER_BUTTON_COLUMNS, _NARROW_LINE = 3, 2, 30
-#: A text as long as the lines about a pair without warnings.
+#: A text as long as the lines on a pair without warnings.
 _ROOM = "Exposure 1.23 ms; 0.123 % saturated; Depth 1.23 to 45.6 m, shown at 1/2 of its size"
 
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown.
+    """Draw the buttons for the views of the last rendered pair, and lines on the shown pair.
 
     The buttons exist from the build on and are grey without a pair, so that nothing below moves when a render ends.
     """

@@ -1,4 +1,4 @@
-"""Pictures of scenes, by which the user chooses one: the gallery, the other shipped scenes and the user's presets."""
+"""Pictures by which the user chooses a scene: the gallery, the other shipped scenes and the user's presets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and tim
 
 
 def load_choices(_self: object = None, _context: object = None) -> list[Item]:
-    """Choices of scenes that have a picture, each picture read once in each state."""
+    """Load the choices of scenes that have a picture. Each picture is read once until it changes."""
     whole = [(item, find_picture(item[0])) for item in list_preset_items() if is_whole_scene(item[0])]
     shown = sorted(
         (each for each in whole if _exists(each[0][0], each[1])),

@@ -1,4 +1,4 @@
-"""The panel Recent Pairs: pictures of the pairs of the data set folder that were rendered last. A click shows the
+"""The panel Recent Pairs: pictures of the pairs of the data set folder that were rendered last. A click shows a
 pair."""
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from ..operators.session import session
 from .fields import draw_lines
 from .sidebar import Sidebar
 
-#: Size of a picture in heights of a button.
+#: Height of a picture, in heights of a button.
 _PICTURE_SCALE = 3.0
-#: Share of a line for the picture.
+#: Share of a line that the picture takes.
 _PICTURE_SHARE = 0.35
 
 
@@ -29,8 +29,8 @@ class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether the scene is built or has pairs. A header that appears only after a render would move the panels
-        below it."""
+        """Return whether the scene is built or has pairs. If the header appeared only after a render, it would move the
+        panels below."""
         return find_collection(context.scene) is not None or bool(recent_pairs.list_recent(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:

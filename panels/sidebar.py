@@ -39,17 +39,18 @@ from .find_setting import draw_found, draw_search
 from .pair_views import draw_pair
 from .view_line import LONGEST, describe_view
 
-#: ``bl_order`` of the topics' panels: from the first number to below the second.
+#: Range of the ``bl_order`` of the topics' panels: from FIRST to below LAST.
 FIRST, LAST = 10, 1000
 
 
-#: Characters that the icons of a header take beside the title, in a panel and in a panel within another panel, and that
-#: the icon of a menu takes.
+#: Characters that the icons of a header take beside the title, in a panel and in a panel within another panel, and
+#: characters that the icon of a menu takes.
 _HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 12, 3
 
 
 class Sidebar:
-    """Base class that puts a panel into Icy Moon's tab, with a button in its header that opens its manual page."""
+    """Base class that puts a panel into Icy Moon's tab, with a button in its header that opens the panel's manual
+    page."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -70,19 +71,20 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-#: A text about as long as the status of a built scene while a setting is dragged, but for its rarest combination.
+#: A text about as long as the longest status of a built scene while a setting is dragged, except for rare combinations.
 _STATUS_ROOM = max(refine_ground.NOTE, shadow_warning.BRIEF, key=len)
 #: Texts of a button, in a sidebar as Blender opens it and in a narrow one.
 _SEVERAL_SUNS = "Decide Where to Dig on Several Suns", "Decide on Several Suns"
-#: Share of the line of the progress that the bar takes, beside the button that stops the job.
+#: Share of its line that the progress bar takes, beside the button that stops the job.
 _BAR_SHARE = 0.76
 
 
 def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw the progress of the running job, with a button that stops it; or that the scene is built; or how the last
-    job ended, and the next step.
+    """Draw the progress of the running job and a button that stops it. Without a job, draw how the last job ended, and
+    the next step.
 
-    The drawing always takes two lines, so that nothing below moves under the mouse when a job begins or ends.
+    A painting or a build in pieces is drawn in the same place. The drawing always takes two lines, so that nothing
+    below moves under the mouse when a job begins or ends.
     """
     job, column = session.job, layout.column(align=True)
     if job is None and (kind := painted_masks.find_painted_kind(bpy.context)):
@@ -110,7 +112,7 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 
 def _draw_next_step(layout: bpy.types.UILayout, step: str) -> None:
-    """Draw the next step, as a button where no other button of the panel does it."""
+    """Draw the next step, as a button if no other button of the panel does it."""
     if step == next_step.DENOISER_OFF:
         button = layout.operator("wm.context_set_enum", text=step)
         button.data_path, button.value = "scene.icymoon.quality.denoiser", "NONE"
@@ -189,7 +191,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         for sentence in warnings:
             draw_sentence(layout, sentence, "ERROR")
         briefs = results.list_brief_limits(context.scene)
-        for brief in briefs:  # the rest of each is below the table, to keep it in sight
+        for brief in briefs:  # the full sentences are below the table, so that the table stays in sight
             draw_lines(layout, (brief,), "ERROR" if results.casts_doubt_on_results(context.scene, brief) else "INFO")
             if brief.startswith(NOISE_DECIDES):
                 row = layout.row()
@@ -207,7 +209,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
 
 def _choose_text(text: str, shorter: str) -> str:
-    """The text of a button, or a shorter one if the sidebar would cut it."""
+    """Return the text of a button, or a shorter text if the sidebar would cut it."""
     return text if len(text) <= sidebar_text.measure_line_length() else shorter
 
 
@@ -259,7 +261,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
 
 
 def list_sky_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The lines of the panel on the sky."""
+    """List the lines of the panel on the sky."""
     return sidebar_text.list_sky_lines(sidebar_text.find_light(scene_properties.read_for_display(scene.icymoon)))
 
 

@@ -1,4 +1,4 @@
-"""The buttons of the sidebar and the commands of the menus, each with the place where it is, for the search."""
+"""The buttons of the sidebar and the commands of the menus, each with its place, for the search."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MENU = "Render ▸ Icy Moon"
 
 
 class Button(NamedTuple):
-    """A button: its operator, text and panel, the operator's properties, and further words that users type."""
+    """A button: its operator, its text, its panel, the operator's properties, and further words that users type."""
 
     operator: str
     text: str
@@ -30,21 +30,22 @@ class Button(NamedTuple):
 
 
 class FoundButton(NamedTuple):
-    """A button that has all typed words, and whether a word is on the button or names its panel or operator."""
+    """A button that has all typed words. ``near`` tells whether a word is on the button or names its panel or
+    operator."""
 
     button: Button
     near: bool
 
 
 def _list_by_panel() -> Iterator[Button]:
-    """The buttons of panels besides those of topics."""
+    """Iterate over the buttons of panels other than the topics' panels."""
     for place, buttons in _BY_PANEL.items():
         for operator, text, *more in buttons:
             yield Button(f"icymoon.{operator}", text, place, *more)
 
 
 def _list_by_topic() -> Iterator[Button]:
-    """The buttons in panels of topics."""
+    """Iterate over the buttons in panels of topics."""
     for topic, buttons in _BY_TOPIC.items():
         for operator, text, *more in buttons:
             yield Button(f"icymoon.{operator}", text, TOPICS[topic].label, *more)
@@ -150,7 +151,7 @@ BUTTONS = (*_list_by_panel(), *_list_by_topic())
 
 
 @cache
-def _find_classes() -> dict[str, type]:
+def _find_operator_classes() -> dict[str, type]:
     return {cls.bl_idname: cls for cls in operators.CLASSES if issubclass(cls, bpy.types.Operator)}
 
 
@@ -163,19 +164,20 @@ def _index_buttons() -> WordIndex:
                 button.text,
                 f"{name} {button.also}",
                 button.place,
-                str(_find_classes()[button.operator].__doc__),
+                str(_find_operator_classes()[button.operator].__doc__),
             )
             for button in BUTTONS
         ]
     )
 
 
-#: The number of the search words of a button, from the nearest, that are on it or name its panel or operator.
+#: Number of a button's tiers of search words, from the nearest, whose words are on it or name its panel or operator.
 _NEAR = 3
 
 
 def find_buttons(typed: str) -> tuple[FoundButton, ...]:
-    """The buttons that have all of the typed words, the nearest first. The last words are those of the tooltip."""
+    """Find the buttons that have all of the typed words, the nearest first. Words of the tooltip count as the
+    farthest."""
     return tuple(FoundButton(BUTTONS[found.number], found.tier < _NEAR) for found in _index_buttons().rank(typed))
 
 
@@ -183,8 +185,8 @@ def draw_button(layout: bpy.types.UILayout, button: Button) -> None:
     """Draw a button below the name of its panel."""
     layout.label(text=button.place)
     row = layout.row()
-    row.operator_context = "INVOKE_DEFAULT"  # with the questions that the button in the panel asks
-    if issubclass(_find_classes()[button.operator], JobOperator):
+    row.operator_context = "INVOKE_DEFAULT"  # so that it asks the same questions as the button in the panel
+    if issubclass(_find_operator_classes()[button.operator], JobOperator):
         draw_start(row, button.operator, button.text, **dict(button.properties))
         return
     drawn = row.operator(button.operator, text=button.text)

@@ -1,4 +1,4 @@
-"""The content of a topic's panel besides settings: buttons above them, derived values below them."""
+"""The content of a topic's panel besides settings: buttons above the settings, derived values below them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_taking(layout: bpy.types.UILayout, what: str) -> None:
-    """Draw the button that uses the selected object as the ground or the rock, with fewer words in a narrow sidebar."""
+    """Draw the button that uses the selected object as the ground or the rock; in a narrow sidebar with fewer words."""
     long = f"Use Selected Object as {what.title()}"
     fits = len(long) <= sidebar_text.measure_line_length() - _BUTTON_CHARACTERS
     layout.operator(f"icymoon.object_as_{what}", text=long if fits else "Use Selected Object")
@@ -60,8 +60,8 @@ def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) ->
 
 
 def draw_placing(layout: bpy.types.UILayout, target: str) -> None:
-    """Draw the button that places a ``target`` of the operator by a click on the ground, with fewer words in a narrow
-    sidebar."""
+    """Draw the button that places a ``target`` of the operator by a click on the ground; in a narrow sidebar with fewer
+    words."""
     row = layout.row()
     row.operator_context = "INVOKE_DEFAULT"
     short = f"Place {target.title()}"
@@ -86,8 +86,8 @@ def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the measured roughness of the ground. Values of an earlier ground stay and are named as such, because fields
-    must not move while the user drags a number."""
+    """Draw the measured roughness of the ground. Values of an earlier ground stay and are marked as such, because
+    fields must not move while the user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.describe_ground_statistics(context.scene)
     earlier = scenes.shows_earlier_ground(context.scene, settings)
@@ -114,12 +114,14 @@ def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 @cache
 def _list_moons() -> list[tuple[str, str, object]]:
-    """The name, title and ``light.body`` of the shipped moons; read once, since the window asks at every redraw."""
+    """List the preset name, title and ``light.body`` of the shipped moons. They are read once, since the window asks at
+    every redraw."""
     return [(name, read_preset_header(name)[0], load(find_preset(name)).light.body) for name in preset_names("bodies")]
 
 
 def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw why the sky cannot be computed, below the fields that determine the sky."""
+    """Draw, below the fields that determine the sky, why the sky cannot be computed, and any warning of a dark view
+    with a button that turns the Sun."""
     if fault := sidebar_text.find_sky_fault(
         sidebar_text.find_light(scene_properties.read_for_display(context.scene.icymoon))
     ):
@@ -138,8 +140,8 @@ def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_development_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw warnings on the shown camera image below the fields, because fields must not move while the user drags
-    one."""
+    """Draw warnings on the shown camera image. They are below the fields, because fields must not move while the user
+    drags one."""
     draw_lines(layout, live_exposure.list_lines(), "INFO")
 
 
@@ -147,7 +149,7 @@ def _draw_qualities(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
     """Draw a button for each quality with its seconds and its error; the button of the scene's quality is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
-    # Then the cost of a quality is below its button.
+    # In a narrow sidebar the cost of a quality is below its button.
     narrow = sidebar_text.measure_line_length() < sidebar_text.LINE - 4
     titles = column if narrow else column.split(factor=0.45, align=True)
     for title in ("A pair, stereo error",) if narrow else ("", "A pair, stereo error"):
@@ -189,7 +191,7 @@ def _make_surface_extra(topic: str) -> Extra:
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_sentence(layout, advice, "INFO")
-        if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of that law
+        if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of Hapke's law
             draw_settings(layout, context.scene.icymoon, "hapke", ("w",))
         else:
             values = scene_properties.read_for_display(context.scene.icymoon)
@@ -221,7 +223,7 @@ def _draw_albedos(layout: bpy.types.UILayout, surface: SurfaceSettings, hapke: H
 
 
 def _make_painting(kind: str) -> Extra:
-    """Buttons that paint a mask of a kind, use what was painted, and clear it."""
+    """Make a function that draws the buttons that paint a mask of a kind, use the painted mask, and clear it."""
     text = f"Paint Where {kind.title()} {'Lie' if kind == 'ROCKS' else 'Lies'}"
 
     def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -12,7 +12,7 @@ from .fields import draw_sentence, draw_settings, find_fields
 from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE, IN_SECTION
 
-#: Kinds of presets that set a topic, for the menu in the header of its panel.
+#: Kind of the presets that set a topic, for the menu in the header of the topic's panel.
 _PRESETS = {
     "terrain": "terrains",
     "surface": "surfaces",
@@ -25,14 +25,14 @@ _PRESETS = {
 
 
 class _TopicPanel(Sidebar):
-    """One topic of the settings, drawn from the table of settings."""
+    """A panel for a topic of the settings, drawn from the table of settings."""
 
     bl_options = {"DEFAULT_CLOSED"}
     topic: Topic
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether the panel, or a panel inside it, has a field."""
+        """Return whether the panel, or a panel inside it, has a field."""
         inside = (topic for topic in TOPICS.values() if topic.inside == cls.topic.key)
         return any(
             find_fields(context.scene.icymoon, topic.key, tuple(s.key for s in topic.settings))
@@ -49,7 +49,7 @@ class _TopicPanel(Sidebar):
 
 
 class _SectionPanel(Sidebar):
-    """Some settings of a topic that only some scenes need."""
+    """A sub-panel for settings of a topic that only some scenes need."""
 
     bl_options = {"DEFAULT_CLOSED"}
     topic: Topic
@@ -92,7 +92,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
 
 
 def _make_switch(topic: str, key: str) -> dict[str, object]:
-    """A tick in a panel's header."""
+    """Make the method that draws a tick in a panel's header."""
 
     def draw_header(self: Sidebar, context: bpy.types.Context) -> None:
         self.layout.prop(getattr(context.scene.icymoon, topic), key, text="")

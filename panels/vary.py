@@ -1,4 +1,4 @@
-"""Vary This Scene: the list of settings that vary, the pairs that they make and how long they take."""
+"""Vary This Scene: the list of varied settings, the pairs that they make, and their time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .fields import RowsOfText, draw_list, draw_sentence, draw_settings, draw_st
 from .sidebar import Sidebar
 
 _VARIABLE_SETTINGS = frozenset(list_variable_settings())
-#: Number of curves with a button; the report shows all.
+#: Maximum number of curves with a button; the report shows all curves.
 _MAX_CURVES = 6
 
 

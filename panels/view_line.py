@@ -24,7 +24,8 @@ def describe_view(
     without_planetshine: bool = False,
     coarse_ground: bool = False,
 ) -> str:
-    """How the picture in a 3D View differs from a pair, if the scene has this render engine; empty without a view.
+    """Describe how the picture in a 3D View differs from a pair, for a scene with this render engine; empty without a
+    view.
 
     ``exposed`` is a key of ``_COMPARISON_TEXTS``. A ``coarse`` view has larger pixels than the user has chosen. A
     ``covered`` view shows the picture by which the scene was chosen. A view ``without_planetshine`` leaves out
