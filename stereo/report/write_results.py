@@ -62,8 +62,7 @@ def write_results(
     )
     usable = [name for name in names if find_facts(out, name) and not _make_all_failed_error(log, name, labels)]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
-    table, notes = ResultTable(labels, names), Notes(methods, faults)
-    places = {name: k for k, name in enumerate(names)}
+    table, notes, places = ResultTable(labels, names), Notes(methods, faults), {name: k for k, name in enumerate(names)}
     ran_on = _fill_table_and_notes(table, notes, log, facts, places)
     comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]

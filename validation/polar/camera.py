@@ -262,9 +262,7 @@ def fit_camera(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     outlines = _Outlines(terrain.rocks)
-    x = np.concatenate(
-        [_make_shared_parameters(poses[positions[0]]), *(poses[position][1:7] for position in positions)]
-    )
+    x = np.concatenate([_make_shared_parameters(poses[positions[0]]), *(poses[each][1:7] for each in positions)])
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])

@@ -97,8 +97,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         return None
     more = [draw_key(random) for _ in range(3)]
     disorder, wander, length = settings.disorder, settings.wander, spacing * settings.elongation
-    lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
-    lean = min(lean, _MAX_LEAN - _CREST_OFFSET)
+    lean = min(math.tan(math.radians(settings.lean_deg)) * height / spacing, _MAX_LEAN - _CREST_OFFSET)
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """Compute the offset of a point from its row's crest, in spacings; the position of the crest, the row, and the
@@ -127,9 +126,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         return height * tallest * blade * _crest_height(along / length, index, settings.variation, keys)
 
     def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        """Compute heights in metres, with crests rounded only where the mesh is too coarse for an edge along the
-        crest.
-        """
+        """Compute heights in metres; crests are round only where the mesh is too coarse for an edge along them."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP_UP_TO * spacing), 0.0, shortest_m))
 
     crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)
