@@ -1,6 +1,6 @@
 """Record the reports that this user's evaluator wrote; no other report is opened in the browser.
 
-A report is a web page, and a browser runs the scripts in it. A report in another person's data set looks the same, so
+A report is a web page, and a browser runs the scripts in it. A report in another user's data set looks the same, so
 the user's own reports are recognised by their checksums.
 """
 
