@@ -315,14 +315,14 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
 
 
 def describe_picture(scene: bpy.types.Scene) -> str:
-    """Name the pair of a scene that the picture shows, with its lines; empty without one. The view is left out, because
-    its pressed button names it."""
+    """Describe the pair of a scene that the picture shows in a line that a narrow header cuts at its end; empty without
+    one. The view is left out, because its pressed button names it."""
     now = find_shown_pair(scene)
     if now is None:
         return ""
     pairs = find_pairs_to_show(scene)
-    which = f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}" if len(pairs) > 1 else f"Pair {now.views.id}"
-    return "; ".join([which, *now.views.lines, AS_RECORDED])
+    which = [f"Pair {1 + pairs.index(now.folder)} of {len(pairs)}"] if len(pairs) > 1 else []
+    return "; ".join([*which, *now.views.lines, AS_RECORDED, f"id {now.views.id}"])
 
 
 def _explain_why_not_shown(scene: bpy.types.Scene) -> str:

@@ -351,5 +351,5 @@ def test_the_header_names_the_pair_its_facts_and_how_it_is_shown(rendered):
         header = SimpleNamespace(layout=Layout())
         pair_views._draw_header(header, SimpleNamespace(scene=rendered, space_data=space))
         told = texts(header.layout.record)
-        assert f"Pair {folder.name}; {session.shown.views.lines[0]}; " in told
-        assert "as recorded, not stretched" in told
+        assert f"{session.shown.views.lines[0]}; " in told
+        assert f"as recorded, not stretched; id {folder.name}" in told
