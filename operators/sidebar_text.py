@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import blf
 import bpy
 
 from ..formats.map_site import read_site_place
@@ -46,6 +47,11 @@ LINE = 36  # characters that fit the sidebar as Blender opens it
 _ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
 #: Width of the sidebar as Blender opens it, and characters of a line of the narrowest sidebar.
 _WIDTH_PX, _SHORTEST_LINE = 280, 18
+#: Pixels of the sidebar beside a text, at scale 1: tabs, margins and the inner edge of a box; and those of an icon.
+_BESIDE_TEXT_PX, _ICON_PX = 62, 25
+#: Characters by which the widest fitting lines may be longer than a line of mean letters.
+_MORE_CHARACTERS = 6
+_FEWEST_CHARACTERS = 8
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _SETTING_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT_SUFFIX = re.compile(r" [(][^)]*[)]$")
@@ -138,12 +144,38 @@ def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]
 
     Later lines begin with ``hang``. If the first line is indented, the later lines are indented a little more.
     """
+    indent = len(text) - len(text.lstrip())
+    hang = hang or " " * (indent and indent + 2)
+    if room := _measure_room(icon):
+        return _fit_lines(text, hang, *room)
     width = measure_line_length()
     width -= (_ICON_CHARACTERS + (width < LINE)) * icon
-    if len(text) <= width:
+    return (text,) if len(text) <= width else _wrap_held(text, width, hang)
+
+
+def _measure_room(icon: bool) -> tuple[int, float] | None:
+    """Return the pixels that a text of the drawn sidebar has, and the size of its letters; None if none is drawn."""
+    region = bpy.context.region
+    if bpy.app.background or region is None or region.type != "UI":
+        return None
+    preferences = bpy.context.preferences
+    scale = preferences.system.ui_scale
+    beside = (_BESIDE_TEXT_PX + _ICON_PX * icon) * scale
+    return int(region.width - beside), preferences.ui_styles[0].widget.points * scale
+
+
+@lru_cache(maxsize=256)
+def _fit_lines(text: str, hang: str, room_px: int, letter_px: float) -> tuple[str, ...]:
+    """Wrap a text into lines of at most ``room_px`` in the font of the window, or of ``_FEWEST_CHARACTERS``."""
+    blf.size(0, letter_px)
+    text_px = blf.dimensions(0, text)[0]
+    if text_px <= room_px:
         return (text,)
-    indent = len(text) - len(text.lstrip())
-    return _wrap_held(text, width, hang or " " * (indent and indent + 2))
+    for width in range(int(len(text) * room_px / text_px) + _MORE_CHARACTERS, _FEWEST_CHARACTERS, -1):
+        lines = _wrap_held(text, width, hang)
+        if all(blf.dimensions(0, line)[0] <= room_px for line in lines):
+            return lines
+    return _wrap_held(text, _FEWEST_CHARACTERS, hang)
 
 
 @lru_cache(maxsize=256)

@@ -104,6 +104,36 @@ def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
     assert max(map(len, beside_an_icon)) <= longest - 4
 
 
+@pytest.mark.parametrize("width", [200, 280, 420])
+@pytest.mark.parametrize("scale", [1.0, 1.5])
+def test_in_a_window_lines_are_as_wide_as_their_letters_allow(monkeypatch, width, scale):
+    """Letters have their own widths: as many narrow ones fit as the room takes, and no line of wide ones is cut."""
+    sizes = []
+    monkeypatch.setattr(sidebar_text.blf, "size", lambda font, size: sizes.append(size))
+    measure = lambda text: sizes[-1] * sum(0.25 if letter in "il. " else 0.8 for letter in text)  # noqa: E731
+    monkeypatch.setattr(sidebar_text.blf, "dimensions", lambda font, text: (measure(text), 1.0))
+    preferences = SimpleNamespace(
+        system=SimpleNamespace(ui_scale=scale), ui_styles=[SimpleNamespace(widget=SimpleNamespace(points=11.0))]
+    )
+    region = SimpleNamespace(type="UI", width=round(width * scale))
+    blender = SimpleNamespace(
+        app=SimpleNamespace(background=False), context=SimpleNamespace(region=region, preferences=preferences)
+    )
+    monkeypatch.setattr(sidebar_text, "bpy", blender)
+    counts = {}
+    for word in ("ill", "www"):
+        for icon in (False, True):
+            text = " ".join([word] * 40)
+            lines = sidebar_text.wrap_lines(text, icon=icon)
+            assert " ".join(lines) == text
+            room_px = (width - 62 - 25 * icon) * scale
+            assert all(measure(line) <= room_px for line in lines)
+            assert all(measure(f"{line} {word}") > room_px for line in lines[:-1])
+            counts[word, icon] = len(lines)
+    assert counts["ill", False] < 0.6 * counts["www", False]
+    assert counts["ill", False] <= counts["ill", True]
+
+
 def test_what_goes_on_in_the_next_line_is_indented_further_than_a_line_that_is_indented():
     first, second, *_ = sidebar_text.wrap_lines("  0.0104 W/m², 0.00872 on flat ground of the site")
     assert first.startswith("  0.0104")
