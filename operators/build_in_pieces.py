@@ -114,6 +114,11 @@ class PiecewiseBuildOperator(KeyStoppedOperator):
         settings are invalid."""
         return build_in_pieces(self._scene_uid, scene_properties.read_settings(context.scene.icymoon))
 
+    def look(self, context: bpy.types.Context) -> bool:
+        """Check the build; the sidebar states how long it has run."""
+        session.show_seconds(self._job.past_s)
+        return super().look(context)
+
     def take_back(self, scene: bpy.types.Scene) -> None:
         """Restore the settings that the scene had before the operator."""
 

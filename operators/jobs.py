@@ -26,6 +26,8 @@ INTERVAL_S = 0.1
 _MIN_SHARE, _MIN_SECONDS = 0.1, 600.0
 #: Seconds within which a second Esc stops a job.
 ESCAPE_S = 2.0
+#: Seconds from which on a text states how long a job without progress has run.
+_LONG_S = 5
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
@@ -116,6 +118,16 @@ class Job:
         """The text on the bar and the line below it: the remaining time, or a hint that another Esc stops the job."""
         text = "Stopping" if self.process.cancelled else self.text or self.title
         return f"{text}{self.percent}", self._hint or self._left or ("Under way" if self.fraction > 0 else "Starting")
+
+    @property
+    def past_s(self) -> int:
+        """Whole seconds since the job began."""
+        return int(time.monotonic() - self.started)
+
+    @property
+    def so_far(self) -> str:
+        """Text after the title of a job that reports no progress, such as ', 12 s so far'; empty at first."""
+        return f", {self.past_s} s so far" if self.past_s >= _LONG_S else ""
 
     @property
     def percent(self) -> str:

@@ -8,7 +8,6 @@ scene, and redo stays possible. If undo or redo shows the coarse ground again, t
 from __future__ import annotations
 
 import tempfile
-import time
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -33,14 +32,12 @@ from .build import find_views_through, look_through
 from .full_undo import require_full_undo
 from .session import SIDES, session
 from .settled_steps import settle
-from .window_areas import find_scene, pause_rendered_views, redraw_panels, redraw_sidebars
+from .window_areas import find_scene, pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
 from .work_in_pieces import PIECES_INTERVAL_S, WorkInPieces
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: The text states the seconds of the computation from this number on.
-_LONG_S = 5
 #: Prefixes of the names of operators that hold the data they change, or that a wait would disturb.
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
@@ -56,13 +53,7 @@ def describe_refining(scene: bpy.types.Scene) -> str:
         return ""
     if not preview.find_preview_of(scene, scene_properties.read_for_display(scene.icymoon)):
         return ""
-    seconds = _measure_seconds()
-    return f"{NOTE}, {seconds} s so far" if seconds >= _LONG_S else NOTE
-
-
-def _measure_seconds() -> int:
-    """Return the whole seconds since the build of the fine ground began; 0 if none runs."""
-    return int(time.monotonic() - session.meshing.started) if session.meshing is not None else 0
+    return f"{NOTE}{session.meshing.so_far}" if session.meshing is not None else NOTE
 
 
 def _find_next() -> tuple[scenes.Built, Settings] | None:
@@ -117,17 +108,10 @@ def _refine_next() -> float | None:
         elif not job.poll() and not _is_busy():
             return _take_over(built, of, job)
         else:
-            _show_seconds()
+            session.show_seconds(job.past_s)
     except IcyMoonError as error:
         _give_up(built, error)
     return jobs.INTERVAL_S
-
-
-def _show_seconds() -> None:
-    """Redraw the sidebar once a second, so that the user sees a long wait go on."""
-    if _measure_seconds() != session.shown_seconds:
-        session.shown_seconds = _measure_seconds()
-        redraw_sidebars()
 
 
 def _take_over(built: scenes.Built, of: Settings, job: jobs.Job) -> float:

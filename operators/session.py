@@ -13,7 +13,7 @@ from ..settings.topics.scene import Settings
 from ..stereo.pair_views import PairViews
 from .first_picture import FirstPicture
 from .jobs import Job
-from .window_areas import redraw_panels
+from .window_areas import redraw_panels, redraw_sidebars
 from .window_events import make_registration
 from .work_in_pieces import WorkInPieces
 
@@ -68,7 +68,7 @@ class Session:
     to_recolour: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose errors will be coloured
     meshing: Job | None = None  # builds the ground at full resolution
     meshed_settings: Settings | None = None  # the settings of that ground
-    shown_seconds: int = 0  # seconds of building that ground, as the sidebar shows them
+    shown_seconds: int = 0  # seconds of a wait, as the sidebar shows them
     marking: WorkInPieces | None = None  # reads the marks of the scene's meshes
     placing: WorkInPieces | None = None  # shows the scene with that ground
     changes: int = 0  # number of changes of the file that Blender has announced
@@ -126,6 +126,12 @@ class Session:
     def find_end(self, scene: bpy.types.Scene) -> str:
         """Return how the last job of a scene ended; empty if a job of another scene has ended since."""
         return self.ended if self.ended_in in (0, scene.session_uid) else ""
+
+    def show_seconds(self, seconds: int) -> None:
+        """Redraw the sidebar for another whole second of a wait, so that a long wait is seen to go on."""
+        if seconds != self.shown_seconds:
+            self.shown_seconds = seconds
+            redraw_sidebars()
 
     def stop_building(self) -> None:
         """Stop the build that runs piece by piece, before work that must not run beside it."""

@@ -72,7 +72,7 @@ class Sidebar:
 
 
 #: A text about as long as the longest status of a built scene while a setting is dragged, except for rare combinations.
-_STATUS_ROOM = max(refine_ground.NOTE, shadow_warning.BRIEF, key=len)
+_STATUS_ROOM = max(f"{refine_ground.NOTE}, 99 s so far", shadow_warning.BRIEF, key=len)
 #: Texts of a button, in a sidebar as Blender opens it and in a narrow one.
 _SEVERAL_SUNS = "Decide Where to Dig on Several Suns", "Decide on Several Suns"
 #: Share of its line that the progress bar takes, beside the button that stops the job.
@@ -92,7 +92,7 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         column.operator("icymoon.use_painted_mask").kind = kind
         return
     if job is None and session.building is not None:
-        column.label(text="Building the scene", icon="TIME")
+        column.label(text=f"Building the scene{session.building.so_far}", icon="TIME")
         column.label(text="Esc stops it", icon="BLANK1")
         return
     if job is None:

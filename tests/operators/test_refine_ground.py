@@ -15,6 +15,7 @@ from icymoon.nodes import preview
 from icymoon.nodes.datablocks import known_marks
 from icymoon.nodes.datablocks.fingerprint import list_meshes, read_marks, read_parts
 from icymoon.operators import jobs, keep_marks, live_preview, refine_ground, view_exposure, work_in_pieces
+from icymoon.operators import session as session_module
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import replace_keys_by_labels
@@ -297,13 +298,13 @@ def test_a_mesh_that_is_removed_while_its_marks_are_read_leaves_the_coarse_groun
 
 def test_a_long_wait_for_the_fine_ground_is_counted(built_elsewhere, monkeypatch):
     redrawn = []
-    monkeypatch.setattr(refine_ground, "redraw_sidebars", lambda: redrawn.append(1))
+    monkeypatch.setattr(session_module, "redraw_sidebars", lambda: redrawn.append(1))
     refine_ground.start_refining()
     assert refine_ground.describe_refining(built_elsewhere) == refine_ground.NOTE
     session.meshing.started -= 38.2
     assert refine_ground.describe_refining(built_elsewhere) == f"{refine_ground.NOTE}, 38 s so far"
     for _ in range(3):
-        refine_ground._show_seconds()
+        session.show_seconds(session.meshing.past_s)
     assert len(redrawn) == 1
 
 

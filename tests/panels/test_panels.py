@@ -467,11 +467,11 @@ def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
 
 def test_a_build_is_shown_while_it_runs_in_the_same_room(scene, monkeypatch):
     """On a busy machine it takes some time, in which the sidebar named Build Scene as the next step."""
-    monkeypatch.setattr(session, "building", SimpleNamespace())
+    monkeypatch.setattr(session, "building", SimpleNamespace(so_far=", 12 s so far"))
     layout = Layout()
     sidebar.draw_job(layout, scene)
     labels = [entry[2]["text"] for entry in layout.record if entry[0] == "label"]
-    assert labels == ["Building the scene", "Esc stops it"]
+    assert labels == ["Building the scene, 12 s so far", "Esc stops it"]
 
 
 def test_text_has_room_for_a_longer_one(scene):
