@@ -73,7 +73,7 @@ class WatchingOperator(ExplainedOperator):
         if self._job is not None:
             session.note_end(self._job, "failed")
         else:
-            session.note_failure(self.bl_label, bpy.context.scene.session_uid)
+            session.note(self.bl_label, "failed", bpy.context.scene.session_uid)
         redraw_panels()
         self.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}

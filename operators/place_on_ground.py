@@ -23,6 +23,7 @@ from .change_and_build import ChangeAndBuildOperator
 from .job_operators import WatchingOperator
 from .operator_type import ExplainedOperator
 from .render import find_whether_edited, require_scene
+from .session import session
 from .settled_steps import settle
 from .sidebar_text import format_for_window
 from .window_areas import list_areas
@@ -188,6 +189,9 @@ class ICYMOON_OT_place_on_ground(ExplainedOperator, bpy.types.Operator):
         if self.target == "TRENCH":
             said += _NOT_DUG
         self.report({"INFO"}, show_controls(said))
+        label = next(label for name, label, _ in TARGETS if name == self.target)
+        place = f"{self.x_m:.2f} m east, {self.y_m:.2f} m north"
+        session.note(f"{label} placed", place, context.scene.session_uid)  # its report is soon gone
         return {"FINISHED"}
 
 

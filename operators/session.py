@@ -119,9 +119,9 @@ class Session:
         self.ended, self.ended_in = f"{job.title}: {outcome or job.outcome}", job.scene_uid
         self.remains = "" if outcome else job.remains
 
-    def note_failure(self, title: str, scene_uid: int) -> None:
-        """Note for the sidebar that an operator failed before its job began."""
-        self.ended, self.ended_in, self.remains = f"{title}: failed", scene_uid, ""
+    def note(self, title: str, outcome: str, scene_uid: int) -> None:
+        """Note for the sidebar how something without a job ended in the scene with this ``session_uid``."""
+        self.ended, self.ended_in, self.remains = f"{title}: {outcome}", scene_uid, ""
 
     def find_end(self, scene: bpy.types.Scene) -> str:
         """Return how the last job of a scene ended; empty if a job of another scene has ended since."""

@@ -8,6 +8,7 @@ import bpy
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.operators import place_on_ground
+from icymoon.operators.session import session
 from icymoon.settings.blender import scene_properties
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.steps import finish
@@ -133,6 +134,13 @@ def test_the_view_can_be_turned_until_a_click_or_esc(monkeypatch, kind, value, u
     assert place_on_ground.ICYMOON_OT_place_on_ground.modal(waiting, bpy.context, event) == result
     assert len(ended) == (result in ({"FINISHED"}, {"CANCELLED"}))
     assert (waiting.x_m, waiting.y_m) == ((3.0, 4.0) if result == {"FINISHED"} else (0.0, 0.0))
+
+
+def test_the_sidebar_keeps_the_place(small):
+    bpy.ops.icymoon.build_scene()
+    bpy.ops.icymoon.place_on_ground(target="WORKSPACE", x_m=0.172, y_m=5.664)
+    assert session.find_end(small) == "Workspace placed: 0.17 m east, 5.66 m north"
+    session.ended, session.ended_in = "", 0
 
 
 def click(monkeypatch, place: Vector) -> set[str]:

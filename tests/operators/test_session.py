@@ -134,7 +134,7 @@ def test_how_a_job_ended_is_told_in_its_own_scene(small):
     job = jobs.Job("Export", WorkInPieces(do_nothing(), "nothing"))
     session.note_end(job, "done")
     assert (session.find_end(small), session.find_end(other)) == ("Export: done", "")
-    session.note_failure("Use Selected Object as Rock", other.session_uid)
+    session.note("Use Selected Object as Rock", "failed", other.session_uid)
     assert (session.find_end(small), session.find_end(other)) == ("", "Use Selected Object as Rock: failed")
     session.ended, session.ended_in = "", 0
 
