@@ -27,6 +27,7 @@ from ...rays.stereo_truth import Stage
 from ...rays.surface import Tracer
 from ...settings.description import defaults, merged
 from ...settings.preset_files import load_preset
+from ...settings.topics.declaration import Parts
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
@@ -80,6 +81,8 @@ _MAX_SHAPES, _SHAPE_DISTANCE_M = 28, (0.9, 9.0)
 #: Level of detail of rocks: about 1280 triangles for broken ice, 320 for others.
 _ROCK_LEVEL = 2
 _CLEAR_M = 0.5
+#: Snow ends at an edge, as on the grounds on which the shipped weights were trained and judged.
+_SHARP_SNOW: Parts = {"mantle": {"feather_m": 0.0}}
 #: East and north of an azimuth, counted from east.
 _CIRCLE: tuple[Callable[[Array], Array], ...] = (np.cos, np.sin)
 
@@ -244,7 +247,7 @@ def _choose_settings(terrain: str, rocks: str, own: Settings | None) -> tuple[Se
     """Return the complete settings of a ground without rocks, and with rocks or None if it has none."""
     if own is not None:
         return own, own if own.rocks.coverage else None
-    bare = merged(defaults(), load_preset(f"terrains/{terrain}"))
+    bare = merged(defaults(), load_preset(f"terrains/{terrain}"), _SHARP_SNOW)
     if terrain == "block_field":
         rocks = "rocks/block_field"
     return bare, merged(bare, load_preset(rocks)) if rocks else None

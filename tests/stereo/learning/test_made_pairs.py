@@ -186,6 +186,13 @@ def test_training_shows_nothing_that_is_held_out():
     assert low <= draw_sun_elevation_deg("sun", random) <= high
 
 
+def test_made_grounds_keep_the_snow_on_which_the_weights_were_judged():
+    assert load_preset("terrains/settled_snow").mantle.feather_m > 0
+    drawn = [draw_recipe(0, "body", k) for k in range(40)]
+    assert any(each.terrain == "settled_snow" for each in drawn)
+    assert all(each.mantle.feather_m == 0 for recipe in drawn for each in (recipe.bare, recipe.rocks) if each)
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"), [({"split": "tset"}, "no split 'tset'"), ({"crop_px": (100, 64)}, "multiples of 8")]
 )
