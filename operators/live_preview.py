@@ -32,6 +32,8 @@ from .window_events import call_later, make_registration
 #: since an update may take longer than the one before.
 BUDGET_S = 0.06
 _SHOWN_EFFECTS = {"geometry", "material", "light", "lander", "camera"}
+#: The text while a scene is built again, whose settings are the new ones already.
+BUILDING = "The earlier scene, until the build ends"
 _NO_SKY = "The light is as before: see Light"  # the panel that shows the reason
 
 
@@ -129,6 +131,8 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
     sentences = (
         [follows] if follows else preview.read_notes(scene) or [describe_ground_file(scene) or "Ground in full detail"]
     )
+    if session.building is not None and session.building.scene_uid == scene.session_uid:
+        sentences = [BUILDING]
     fault = find_sky_fault(find_light(scene_properties.read_for_display(scene.icymoon)))
     shown = [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
     if shadow_warning.describe_shadow(scene):

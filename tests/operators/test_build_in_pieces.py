@@ -314,6 +314,15 @@ def test_esc_and_undo_stop_it_and_take_back_what_came_before(rocky, operator, ev
     assert session.building is None
 
 
+def test_while_a_scene_is_built_again_the_sidebar_calls_it_the_earlier_one(rocky):
+    """It said 'Ground in full detail' of the ground that was about to go."""
+    bpy.ops.icymoon.build_scene()
+    begin(rocky)
+    assert live_preview.list_lines(rocky) == [live_preview.BUILDING]
+    session.stop_building()
+    assert live_preview.list_lines(rocky) == ["Ground in full detail"]
+
+
 @pytest.mark.parametrize("event", [ESCAPE, UNDO])
 def test_the_sidebar_tells_that_a_build_was_stopped_and_what_is_left(operator, event):
     """It said that no job was running."""
