@@ -185,7 +185,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         rows = results.read_summary(context.scene)
         verdict = results.describe_verdict(rows, results.read_noise_doubt(context.scene))
         draw_lines(layout, (verdict,), "VIEWZOOM")
-        draw_lines(layout, (WRONG,))
+        draw_lines(layout, (WRONG, *filter(None, [results.describe_nearer(rows)])))
         origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:

@@ -790,6 +790,29 @@ def test_a_difference_that_noise_may_make_is_too_close_to_call(doubt, said):
     assert results.describe_verdict(rows, doubt) == said
 
 
+@pytest.mark.parametrize(
+    ("errors_m", "shares", "said"),
+    [
+        (
+            (0.166, 0.070),
+            (0.929, 0.747),
+            "StereoBM has the smallest mean error; it measures 74.7 % of the pixels, SGBM 92.9 %",
+        ),
+        ((0.070, 0.166), (0.929, 0.747), ""),
+        ((0.1, 0.1), (0.9, 0.7), ""),
+        ((None, 0.1), (0.9, 0.7), ""),
+        ((None, None), (None, None), ""),
+    ],
+)
+def test_a_matcher_that_errs_less_on_fewer_pixels_is_named(errors_m, shares, said):
+    """One with a quarter of the other's error lost by wrong pixels, without a word."""
+    rows = [
+        {"method": method, "n": 1, "l1_m": error_m, "coverage": share}
+        for method, error_m, share in zip(("sgbm", "bm"), errors_m, shares, strict=True)
+    ]
+    assert results.describe_nearer(rows) == said
+
+
 @pytest.mark.parametrize("shown", ["SGBM", "StereoBM", "another"])
 def test_the_colours_are_explained_below_the_button_that_paints_them(scene, tmp_path, monkeypatch, shown):
     """The legend was below all matchers, out of sight of the button."""
