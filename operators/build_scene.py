@@ -20,7 +20,7 @@ from ..support.steps import Steps
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
 from .build_in_pieces import UNCHANGED, PiecewiseBuildOperator, build_in_pieces
-from .coloured_views import hide_colours
+from .coloured_views import hide_colours, is_shown
 from .operator_type import ExplainedOperator
 from .painted_masks import leave_sheet
 from .render import require_scene
@@ -82,10 +82,10 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
 
 
 def _is_up_to_date(scene_uid: int, settings: Settings) -> Steps[bool]:
-    """Return, in steps, whether a scene shows these settings and no object was edited by hand. The ground may be coarse
-    while the fine ground is made."""
+    """Return, in steps, whether a scene shows these settings, no object was edited by hand, and no colours of errors,
+    decisions or a scan cover it, which a build removes. The ground may be coarse while the fine ground is made."""
     built = scenes.find_built(require_scene(scene_uid))
-    if built is None or built.outdated or scenes.why_shared(built):
+    if built is None or built.outdated or scenes.why_shared(built) or is_shown(built.scene):
         return False
     is_left_coarse = built.preview and preview.find_preview_of(built.scene, settings) is None
     if is_left_coarse or scenes.list_changed_settings(built, settings):

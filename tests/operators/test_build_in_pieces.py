@@ -13,7 +13,7 @@ from built_scenes import everything
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.operators import build, build_in_pieces, live_preview, work_in_pieces
+from icymoon.operators import build, build_in_pieces, coloured_views, live_preview, work_in_pieces
 from icymoon.operators.build_in_pieces import PiecewiseBuildOperator
 from icymoon.operators.build_scene import ICYMOON_OT_build_scene
 from icymoon.operators.jobs import Job
@@ -355,6 +355,16 @@ def test_a_scene_that_is_built_is_told_and_not_built_again(rocky, monkeypatch, b
     assert press_build(monkeypatch) == ["The scene is built already, and nothing has changed since"]
     assert session.ended == "Build Scene: nothing has changed"
     assert (scenes.find_built(rocky).terrain, read_parts(built.collection)) == (ground, marks)
+    session.ended = ""
+
+
+def test_a_scene_that_is_covered_by_colours_is_built_again_without_them(rocky, monkeypatch):
+    """Errors and decisions stayed on the ground, since no setting had changed."""
+    built = scenes.build_scene(rocky, settings(rocky))
+    bpy.ops.icymoon.show_beams()  # as errors and decisions do
+    assert coloured_views.is_shown(built.scene)
+    assert press_build(monkeypatch)[-1].startswith("Built ")
+    assert not coloured_views.is_shown(rocky)
     session.ended = ""
 
 
