@@ -13,6 +13,7 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.ground.user_ground import warn_of_cost
+from ..nodes.remove_objects import remove_leftovers
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -65,6 +66,7 @@ class ICYMOON_OT_build_scene(PiecewiseBuildOperator, bpy.types.Operator):
         """Make the steps of the build. If the scene is up to date already, they only return ``UNCHANGED``."""
         settings = scene_properties.read_settings(context.scene.icymoon)
         if (yield from settle(partial(_is_up_to_date, self._scene_uid, settings))):
+            remove_leftovers()  # of scenes that were deleted, as each build does
             return [UNCHANGED]
         return (yield from build_in_pieces(self._scene_uid, settings))
 

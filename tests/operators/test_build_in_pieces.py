@@ -358,6 +358,18 @@ def test_a_scene_that_is_built_is_told_and_not_built_again(rocky, monkeypatch, b
     session.ended = ""
 
 
+def test_a_build_of_an_unchanged_scene_removes_what_a_deleted_scene_left(rocky, monkeypatch):
+    scenes.build_scene(rocky, settings(rocky))
+    before = everything()
+    other = bpy.data.scenes.new("Other")
+    scenes.build_scene(other, settings(rocky))
+    bpy.data.scenes.remove(other)
+    assert everything() != before
+    press_build(monkeypatch)
+    assert everything() == before
+    session.ended = ""
+
+
 def test_a_scene_that_is_covered_by_colours_is_built_again_without_them(rocky, monkeypatch):
     """Errors and decisions stayed on the ground, since no setting had changed."""
     built = scenes.build_scene(rocky, settings(rocky))
